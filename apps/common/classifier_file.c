@@ -64,13 +64,10 @@ lg_status classifier_file_save(const lg_context *context, const char *path, cons
 
 /* ---- reading ---- */
 
-static const char *const methods[] = {"logistic", "tree",   "svm-linear", "svm-rbf",
-                                      "baseline", "rocket", "novelty"};
-
-static const char *known_method(const char *name) {
-    for (size_t i = 0; i < LG_COUNT(methods); i++)
-        if (strcmp(methods[i], name) == 0) return methods[i];
-    return NULL;
+const char *classifier_method_name(uint32_t method) {
+    static const char *const names[] = {"cnn",     "logistic", "tree",   "svm-linear",
+                                        "svm-rbf", "baseline", "rocket", "novelty"};
+    return method < LG_COUNT(names) ? names[method] : NULL;
 }
 
 static lg_status read_texts(const lg_archive_reader *from, classifier_file *out, lg_error *error) {
@@ -78,7 +75,8 @@ static lg_status read_texts(const lg_archive_reader *from, classifier_file *out,
     LG_TRY(from->text(from->user, "run/method", method, sizeof method));
     LG_TRY(from->text(from->user, "run/split", split, sizeof split));
     LG_TRY(from->text(from->user, "run/data_sha256", out->run.data_sha256, sizeof out->run.data_sha256));
-    out->method = known_method(method);
+    for (uint32_t i = 1; (out->method = classifier_method_name(i)) != NULL; i++)
+        if (strcmp(out->method, method) == 0) break;
     /* Files of earlier versions lack it. */
     if (from->text(from->user, "run/healthy", out->run.healthy, sizeof out->run.healthy) != LG_OK)
         out->run.healthy[0] = '\0';

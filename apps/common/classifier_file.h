@@ -14,8 +14,7 @@ typedef struct classifier_file {
     lg_novelty novelty;       /* channels is 0 if there is no novelty model */
     /* Names of classes and channels, and the rate; no windows. channels is 0 if they have no names. */
     lg_series names;
-    /* "logistic", "tree", "svm-linear", "svm-rbf", "baseline", "rocket" or "novelty"; static storage */
-    const char *method;
+    const char *method; /* by classifier_method_name; not "cnn" */
     /* How the data were cut: split, test_fraction, training.seed, windows, window, hop, data_sha256,
      * healthy. */
     lg_detector_run run;
@@ -23,6 +22,9 @@ typedef struct classifier_file {
     lg_provenance provenance;
 } classifier_file;
 
+/* Methods by number: "cnn", "logistic", "tree", "svm-linear", "svm-rbf", "baseline", "rocket", "novelty",
+ * then NULL. */
+const char *classifier_method_name(uint32_t method);
 /* All pointers in `file` stay the caller's. An accuracy or f1 that is NaN is not written. */
 lg_status classifier_file_save(const lg_context *context, const char *path, const classifier_file *file,
                                lg_error *error);

@@ -8,7 +8,7 @@
 #include "nn/search.h"
 #include "settings/settings.h"
 
-enum { SHOWN_TRIALS = 10 };
+enum { SHOWN_TRIALS = 10, MOST_CHECKED = 10000 };
 
 search_values search_given;
 
@@ -142,18 +142,41 @@ static const char *entry(const lg_search_file *file, size_t i, uint32_t *line) {
     return fixed ? file->fixed_name[i] : file->space.ranges[range].name;
 }
 
-/* Refuses an option that the chosen method does not have. If the search varies the method itself, every
- * option is allowed. */
-static lg_status check_method(const app *v, const train_task *task, const lg_search_file *file,
-                              uint32_t *line, lg_error *error) {
-    const lg_search_space *space = &file->space;
+/* Sets the options of a candidate and checks them as train does. An option that its method lacks is left out if
+ * the search varies the method. *line is that of a rejected option. */
+static lg_status set_candidate(app *v, train_task *task, const lg_search_file *file, const double *drawn,
+                               uint32_t *line, lg_error *error) {
+    const size_t count = file->fixed_count + file->space.count;
     const char *method = task->recipe->trainer->method;
-    for (size_t i = 0; i < space->count; i++)
-        if (method == NULL || strcmp(app_find_slot(v, space->ranges[i].name)->name, method) == 0)
-            return LG_OK;
-    for (size_t i = 0; i < file->fixed_count + space->count; i++) {
+    bool varies = method == NULL;
+    LG_TRY(set_all(v, task, file, drawn, line, error));
+    for (size_t i = file->fixed_count; i < count; i++)
+        varies = varies || strcmp(app_find_slot(v, entry(file, i, line))->name, method) == 0;
+    for (size_t i = 0; i < count; i++) {
         const char *name = entry(file, i, line), *command = train_refuses(task, app_find_slot(v, name));
-        if (command != NULL) return lg_fail(error, LG_FORMAT, "'%s' is not an option of %s", name, command);
+        if (command != NULL && !varies)
+            return lg_fail(error, LG_FORMAT, "'%s' is not an option of %s", name, command);
+        app_find_slot(v, name)->given = command == NULL;
+    }
+    const lg_status status = task->check != NULL ? task->check(v, error) : LG_OK;
+    for (size_t i = 0; status != LG_OK && i < count; i++) {
+        const char *name = app_find_slot(v, entry(file, i, line))->name;
+        if (strncmp(error->message + 2, name, strcspn(error->message + 2, ": ")) == 0) break;
+    }
+    return status == LG_OK ? LG_OK : LG_FORMAT;
+}
+
+/* Checks the candidates of a search: the combinations of all choices, at most MOST_CHECKED of them. */
+static lg_status check_candidates(const app *self, const app_command *train, train_task *task,
+                                  const lg_search_file *file, uint32_t *line, lg_error *error) {
+    const lg_range *range = file->space.ranges;
+    double drawn[LG_RANGE_MAX];
+    for (size_t i = 0; i < file->space.count; i++) drawn[i] = range[i].low;
+    for (size_t done = 0, i = 0; done < MOST_CHECKED && i < file->space.count; done++) {
+        app v = virtual_begin(self, train);
+        LG_TRY(set_candidate(&v, task, file, drawn, line, error));
+        for (i = 0; i < file->space.count; drawn[i] = range[i].low, i++)
+            if (range[i].kind == LG_RANGE_CHOICE && ++drawn[i] < (double)range[i].choices) break;
     }
     return LG_OK;
 }
@@ -176,8 +199,8 @@ static void check_names(const app *self, const app_command *train, train_task *t
     app v = virtual_begin(self, train);
     uint32_t line = 0;
     lg_status status = set_all(&v, task, file, NULL, &line, &error);
-    if (status == LG_OK) status = check_method(&v, task, file, &line, &error);
     if (status == LG_OK) status = check_spellings(&v, file, &line, &error);
+    if (status == LG_OK) status = check_candidates(self, train, task, file, &line, &error);
     if (status != LG_OK) app_stop(self, status, "%s: line %u: %s", self->arguments[0], line, error.message);
 }
 
@@ -242,7 +265,7 @@ static lg_status run_trial(void *user, lg_search *session, lg_trial *trial, lg_e
     app v = virtual_begin(search->app, search->train);
     search_trial self = {.search = search, .session = session, .trial = trial, .train = &v};
     uint32_t line;
-    lg_status status = set_all(&v, task, search->file, trial->value, &line, error);
+    lg_status status = set_candidate(&v, task, search->file, trial->value, &line, error);
     train_training(task)->seed = v.seed;
     if (status == LG_OK) status = train_describe(&v, task, NULL, error);
     if (status == LG_OK) status = lg_training_hold_out(&task->training, search->values->validation, error);
@@ -429,8 +452,16 @@ static void print_given(const app *self, FILE *out) {
 /* Prints the command line that trains with the best trial's settings. */
 static void print_best(const searching *search, size_t best) {
     const lg_search_file *file = search->file;
+    const double *value = search->trials[best].value;
     FILE *out = search->app->out->stream;
+    app v = virtual_begin(search->app, search->train);
+    lg_error ignored;
     char number[NUMBER];
+    uint32_t line;
+    (void)set_candidate(&v, search->task, file, value, &line, &ignored);
+    (void)train_describe(&v, search->task, NULL, &ignored);
+    const bool adam = lg_fit_plan_batches(&train_training(search->task)->plan);
+    lg_training_release(&search->task->training);
     app_put(out, "best: trial %llu, objective %.4e; %s train",
             (unsigned long long)search->trials[best].number, search->trials[best].objective,
             search->app->program);
@@ -439,11 +470,15 @@ static void print_best(const searching *search, size_t best) {
         app_put(out, " %s", data);
     }
     print_given(search->app, out);
-    for (size_t i = 0; i < file->fixed_count; i++)
-        app_put(out, " --%s %s", file->fixed_name[i], file->fixed_value[i]);
-    for (size_t i = 0; i < file->space.count; i++)
-        app_put(out, " --%s %s", file->space.ranges[i].name,
-                value_text(&file->space.ranges[i], search->trials[best].value[i], number));
+    for (size_t i = 0; i < file->fixed_count + file->space.count; i++) {
+        const char *name = entry(file, i, &line);
+        const app_slot *slot = app_find_slot(&v, name);
+        const size_t k = i - file->fixed_count;
+        if (!slot->given || (slot->row->adam && !adam)) continue;
+        app_put(out, " --%s %s", name,
+                i < file->fixed_count ? file->fixed_value[i]
+                                      : value_text(&file->space.ranges[k], value[k], number));
+    }
     app_put(out, " --seed %llu --out FILE\n", (unsigned long long)search->app->seed);
 }
 

@@ -421,7 +421,9 @@ static void run_with(app *self, train_task *task, const stored_run *stored, cons
 }
 
 void train_open(app *self, train_task *task) {
+    lg_error error = {LG_OK, ""};
     train_begin(self, task, 0);
+    if (task->check != NULL) must(self, task->check(self, &error), &error);
     check_options(self, task);
     check_files(self);
     app_read_options(self);

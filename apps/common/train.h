@@ -38,6 +38,8 @@ typedef struct train_task {
     const lg_recipe *recipe;
     const app_settings *settings; /* the command's settings; the first one describes the run */
     const char *const *searched;  /* the methods that a search may train, ended by NULL; NULL: all methods */
+    /* Rejects options that cannot be combined. The message begins with an option. May be NULL. */
+    lg_status (*check)(const app *app, lg_error *error);
     /* A trial of a search by a method that the recipe does not train: trains on the training part, and sets
      * parameters and objective. Returns LG_NOT_FOUND for a method that the recipe trains. May be NULL. */
     lg_status (*trial)(const app *app, lg_trial *trial, lg_error *error);

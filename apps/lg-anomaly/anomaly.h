@@ -6,9 +6,7 @@
 
 #include "anomaly/files/recipe.h"
 #include "common/app.h"
-#include "liegrad/anomaly.h"
-#include "liegrad/classify.h"
-#include "liegrad/series.h"
+#include "common/classifier_file.h"
 
 extern const app_command anomaly_generate_command, anomaly_feed_command, anomaly_train_command,
     anomaly_evaluate_command, anomaly_search_command, anomaly_watch_command;
@@ -58,19 +56,14 @@ typedef enum well_sort {
 /* A model that is ready to judge windows. */
 typedef struct well_model {
     well_sort sort;
-    const char *method; /* "cnn", "logistic", ..., "baseline" or "novelty"; static storage */
-    lg_series names;    /* classes, channels and rate, no windows; of a loaded classifier it owns the names */
-    uint32_t window;    /* samples per window */
-    uint32_t healthy;   /* class that means "all is well", or LG_NO_CLASS */
-    /* How the training data were cut and split; the other members are set for a network only. */
-    lg_detector_run cut;
+    /* A model of another sort than WELL_NETWORK. Of a network it has the names, the run, the method "cnn" and
+     * the novelty model, which `detector` owns. */
+    classifier_file file;
+    uint32_t window;           /* samples per window */
+    uint32_t healthy;          /* class that means "all is well", or LG_NO_CLASS */
     bool probabilities;        /* true: scores are probabilities; false: decision values or distances */
     lg_detector_file detector; /* set for WELL_NETWORK only */
     lg_detector_plan *plan;    /* evaluates the detector, in the number type of its training */
-    lg_classifier classifier;  /* set for WELL_CLASSICAL only */
-    /* Novelty model of the training windows; channels is 0 if there is none. For a network `detector` owns
-     * it. */
-    lg_novelty novelty;
 } well_model;
 
 /* The healthy class is unknown until well_model_settle. */
@@ -93,11 +86,6 @@ lg_status well_model_score(const well_model *model, const float *x, double *scor
  * score minus the score of the healthy class. */
 double well_model_alarm(const well_model *model, const double *score);
 
-/* Writes a file of kind "classifier": the group /run from `model`, the group /classifier from
- * model->classifier. */
-lg_status well_model_save(const app *app, const char *path, const well_model *model, double accuracy,
-                          double f1, lg_error *error);
-
 /* Reads data whose classes and channels must be the model's. A novelty model accepts any classes and merges
  * them (merge_classes). */
 void read_series_of(const app *app, const char *path, const well_model *model, lg_series_data *out);
@@ -105,7 +93,7 @@ void read_series_of(const app *app, const char *path, const well_model *model, l
  * classes, or one if all windows are of class `healthy`. */
 void merge_classes(lg_series *series, const char *healthy);
 
-/* ---- judging (judge.c) ---- */
+/* ---- judging ---- */
 
 /* Appends a vote to *votes, whose bits are the last n (1 to 64) votes, the latest in bit 0. Returns how many
  * of them are for. */
@@ -113,10 +101,6 @@ uint32_t cast_vote(uint64_t *votes, uint32_t n, bool is_for);
 
 lg_status judge_windows(const app *app, const well_model *model, const lg_cut_series *from,
                         const lg_window_list *part, lg_judgement *out, lg_error *error);
-/* Counts the judged windows that are unlike the training windows; *farthest is the result of the window with
- * the largest distance. The model must have a novelty model. */
-size_t count_novel(const app *app, const well_model *model, const lg_cut_series *from,
-                   const lg_judgement *judged, lg_novelty_result *farthest);
 /* Adds the results of lg_detector_tell. */
 void put_metrics(app_json *out, const lg_judgement *judged, const well_model *model);
 

@@ -7,7 +7,7 @@
 #include "files/csv.h"
 #include "lg-anomaly/train.h"
 
-enum { MAX_FILES = 7, SHOWN_GROUPS = 40 };
+enum { SHOWN_GROUPS = 40 };
 
 typedef struct evaluate_values {
     const char *scores;
@@ -58,7 +58,7 @@ typedef struct evaluation {
 static void choose_part(evaluation *e) {
     static const lg_part wanted[] = {
         [PART_TRAIN] = LG_PART_TRAIN, [PART_VALIDATION] = LG_PART_VALIDATION, [PART_TEST] = LG_PART_TEST};
-    const lg_detector_run *cut = &e->model->cut;
+    const lg_detector_run *cut = &e->model->file.run;
     const size_t windows = e->from.windows.count;
     const char *model = e->app->arguments[0];
     const bool same = strcmp(cut->data_sha256, e->from.data.sha256) == 0 && cut->windows == windows;
@@ -92,7 +92,7 @@ typedef struct watching {
 static void watch_window(const evaluation *e, watching *state, size_t i, double begin, voting *out,
                          double *times) {
     const lg_judgement *judged = &e->judged;
-    const double unit = e->model->names.rate > 0 ? 1 / e->model->names.rate : 1;
+    const double unit = e->model->file.names.rate > 0 ? 1 / e->model->file.names.rate : 1;
     if (judged->truth[i] != judged->healthy && !state->damaged) {
         state->damaged = true;
         state->onset = begin;
@@ -102,7 +102,7 @@ static void watch_window(const evaluation *e, watching *state, size_t i, double 
     state->alarm = cast_vote(&state->votes, values.votes.values[1], positive) >= values.votes.values[0];
     if (!state->damaged) {
         out->false_alarms += state->alarm && !before;
-        out->intact_time += (double)e->model->cut.hop * unit;
+        out->intact_time += (double)e->model->file.run.hop * unit;
     } else if (state->alarm && !state->detected) {
         state->detected = true;
         times[out->detected++] = (begin + (double)e->model->window - state->onset) * unit;
@@ -129,64 +129,54 @@ static void vote(evaluation *e) {
     }
     for (size_t i = 0; i < out->detected; i++) out->largest = fmax(out->largest, times[i]);
     out->median = lg_median(times, out->detected);
-    out->a_day = e->model->names.rate > 0 && out->intact_time > 0
+    out->a_day = e->model->file.names.rate > 0 && out->intact_time > 0
                      ? (double)out->false_alarms * 86400 / out->intact_time
                      : (double)NAN;
 }
 
 /* ---- groups ---- */
 
-typedef struct group_row {
-    uint32_t group; /* first: it sorts the rows */
-    size_t windows, right, healthy, false_positive;
-} group_row;
-
-static group_row *group_rows(const evaluation *e, size_t *count) {
-    const lg_judgement *judged = &e->judged;
-    group_row *rows = app_alloc(judged->count, sizeof *rows);
-    for (size_t i = 0; i < judged->count; i++)
-        rows[i] = (group_row){e->from.data.series.group[e->from.windows.first[judged->window[i]]], 1,
-                              judged->given[i] == judged->truth[i], judged->truth[i] == judged->healthy,
-                              judged->truth[i] == judged->healthy && judged->given[i] != judged->healthy};
-    qsort(rows, judged->count, sizeof *rows, lg_compare_u32);
-    *count = 0;
-    for (size_t i = 0; i < judged->count; i++) {
-        if (*count == 0 || rows[*count - 1].group != rows[i].group) {
-            rows[(*count)++] = rows[i];
-            continue;
-        }
-        group_row *sum = &rows[*count - 1];
-        sum->windows++;
-        sum->right += rows[i].right;
-        sum->healthy += rows[i].healthy;
-        sum->false_positive += rows[i].false_positive;
-    }
-    return rows;
-}
-
 static double part_or_nan(size_t a, size_t b) {
     return b > 0 ? (double)a / (double)b : (double)NAN;
 }
 
+typedef struct group_row {
+    uint32_t group;  /* first: it sorts the rows */
+    uint32_t window; /* index among the judged windows */
+} group_row;
+
 static void add_groups(app_json *out, const evaluation *e) {
-    size_t count;
-    if (e->from.data.series.group == NULL) return;
-    APP_FREE group_row *rows = group_rows(e, &count);
-    const size_t shown = out->people && count > SHOWN_GROUPS ? SHOWN_GROUPS : count;
+    const lg_judgement *judged = &e->judged;
+    const lg_cut_series *from = &e->from;
+    size_t groups = 0;
+    if (from->data.series.group == NULL) return;
+    APP_FREE group_row *rows = app_alloc(judged->count, sizeof *rows);
+    for (size_t i = 0; i < judged->count; i++)
+        rows[i] = (group_row){from->data.series.group[from->windows.first[judged->window[i]]], (uint32_t)i};
+    qsort(rows, judged->count, sizeof *rows, lg_compare_u32);
     app_result_rows(out, "groups");
-    for (size_t i = 0; i < shown; i++)
-        APP_OBJECT(out, NULL, LG_AS_WHOLE("group", rows[i].group), LG_AS_WHOLE("windows", rows[i].windows),
-                   LG_AS_REAL("accuracy", part_or_nan(rows[i].right, rows[i].windows)),
-                   LG_AS_REAL("false_positive_rate", part_or_nan(rows[i].false_positive, rows[i].healthy)));
+    for (size_t first = 0, end; first < judged->count; first = end) {
+        size_t right = 0, healthy = 0, false_positive = 0;
+        for (end = first; end < judged->count && rows[end].group == rows[first].group; end++) {
+            const uint32_t given = judged->given[rows[end].window], truth = judged->truth[rows[end].window];
+            right += given == truth;
+            healthy += truth == judged->healthy;
+            false_positive += truth == judged->healthy && given != truth;
+        }
+        if (++groups > SHOWN_GROUPS && out->people) continue;
+        APP_OBJECT(out, NULL, LG_AS_WHOLE("group", rows[first].group), LG_AS_WHOLE("windows", end - first),
+                   LG_AS_REAL("accuracy", part_or_nan(right, end - first)),
+                   LG_AS_REAL("false_positive_rate", part_or_nan(false_positive, healthy)));
+    }
     app_result_rows_end(out);
-    if (shown < count) app_result_line(out, "and %zu groups more", count - shown);
+    if (groups > SHOWN_GROUPS) app_result_line(out, "and %zu groups more", groups - SHOWN_GROUPS);
 }
 
 /* ---- results ---- */
 
 static void add_votes(app_json *out, const evaluation *e) {
     const voting *votes = &e->votes;
-    const char *unit = e->model->names.rate > 0 ? "s" : "samples";
+    const char *unit = e->model->file.names.rate > 0 ? "s" : "samples";
     if (values.votes.count == 0) return;
     app_json_open(out, "votes", '{');
     app_json_size(out, "k", values.votes.values[0]);
@@ -213,12 +203,13 @@ static void add_evaluation(app_json *out, const evaluation *e) {
             LG_AS_WHOLE("unlike", e->unlike));
     add_votes(out, e);
     add_groups(out, e);
-    app_result_text(out, "method", e->model->method, NULL);
+    app_result_text(out, "method", e->model->file.method, NULL);
     app_json_open(out, "classes", '[');
-    for (uint32_t c = 0; c < e->model->names.classes; c++)
-        app_json_text(out, NULL, e->model->names.class_name[c]);
+    for (uint32_t c = 0; c < e->model->file.names.classes; c++)
+        app_json_text(out, NULL, e->model->file.names.class_name[c]);
     app_json_close(out, ']');
-    app_result_text(out, "healthy", e->model->cut.healthy[0] != '\0' ? e->model->cut.healthy : NULL, NULL);
+    app_result_text(out, "healthy", e->model->file.run.healthy[0] != '\0' ? e->model->file.run.healthy : NULL,
+                    NULL);
     app_json_size(out, "threads", e->app->threads);
 }
 
@@ -228,9 +219,9 @@ static void add_row(app_json *out, const evaluation *e) {
             LG_AS_REAL("noise", e->from.data.noise), LG_AS_REAL("severity", e->from.data.severity),
             LG_AS_WHOLE("windows", e->judged.count), LG_AS_REAL("accuracy", e->judged.metrics.accuracy),
             LG_AS_REAL("recall", e->judged.metrics.recall), LG_AS_REAL("F1", e->judged.metrics.f1),
-            LG_AS_TEXT("healthy", e->model->cut.healthy),
+            LG_AS_TEXT("healthy", e->model->file.run.healthy),
             LG_AS_REAL("false alarms/day",
-                       lg_judgement_alarms(&e->judged, e->model->cut.hop, e->model->names.rate)));
+                       lg_judgement_alarms(&e->judged, e->model->file.run.hop, e->model->file.names.rate)));
     if (values.votes.count == 0) return;
     app_json_size(out, "damaged", e->votes.damaged);
     app_json_size(out, "detected", e->votes.detected);
@@ -257,7 +248,7 @@ static void write_scores(const evaluation *e) {
     lg_columns to = {.text = app_text()};
     lg_columns_names(&to, "window,run,group,truth,class");
     for (uint32_t c = 0; c < judged->classes; c++) {
-        APP_FREE char *name = app_format("score %s", e->model->names.class_name[c]);
+        APP_FREE char *name = app_format("score %s", e->model->file.names.class_name[c]);
         lg_columns_name(&to, name);
     }
     lg_columns_end(&to);
@@ -266,35 +257,60 @@ static void write_scores(const evaluation *e) {
         lg_columns_whole(&to, judged->window[i]);
         lg_columns_number(&to, series->run != NULL ? series->run[first] : (double)NAN);
         lg_columns_number(&to, series->group != NULL ? series->group[first] : (double)NAN);
-        lg_columns_text(&to, e->model->names.class_name[judged->truth[i]]);
-        lg_columns_text(&to, e->model->names.class_name[judged->given[i]]);
+        lg_columns_text(&to, e->model->file.names.class_name[judged->truth[i]]);
+        lg_columns_text(&to, e->model->file.names.class_name[judged->given[i]]);
         lg_columns_numbers(&to, judged->score + i * judged->classes, judged->classes);
         lg_columns_end(&to);
     }
     APP_MUST_FILE(e->app, values.scores, lg_columns_write(&to, e->app->context, values.scores, &error));
 }
 
-/* ---- the command ---- */
+/* ---- windows that are unlike those of training ---- */
 
-/* Warns if many windows are unlike the training windows, because the model's results mean little for them. */
+typedef struct measuring {
+    const lg_novelty *novelty;
+    lg_novelty_result *result; /* the result of each window */
+} measuring;
+
+static lg_status measure(void *user, size_t i, const float *x, void *work) {
+    const measuring *self = user;
+    lg_novelty_eval(self->novelty, x, &self->result[i], NULL, work);
+    return LG_OK;
+}
+
+/* Counts them, and warns if they are many, because the model's results mean little for them. */
 static void tell_unlike(evaluation *e) {
     static const double MANY = 0.05;
-    const well_model *model = e->model;
-    lg_novelty_result farthest;
+    const lg_series *names = &e->model->file.names;
+    const lg_novelty *novelty = &e->model->file.novelty;
+    const size_t count = e->judged.count;
+    const lg_window_list all = {e->judged.window, count};
+    APP_FREE lg_novelty_result *result = app_alloc(count, sizeof *result);
+    measuring user = {novelty, result};
+    size_t farthest = 0;
     char reason[256];
-    e->unlike = count_novel(e->app, model, &e->from, &e->judged, &farthest);
-    if ((double)e->unlike <= MANY * (double)e->judged.count) return;
-    (void)lg_novelty_explain(&model->novelty, &farthest, model->names.channel_name, model->names.rate, reason,
+    app_must(e->app,
+             lg_windows_each(e->app->context, &e->from.data.series, &e->from.windows, &all, e->app->threads,
+                             lg_novelty_work_size(novelty), measure, &user),
+             NULL);
+    for (size_t i = 0; i < count; i++) {
+        e->unlike += result[i].novel;
+        if (result[i].distance > result[farthest].distance) farthest = i;
+    }
+    if ((double)e->unlike <= MANY * (double)count) return;
+    (void)lg_novelty_explain(novelty, &result[farthest], names->channel_name, names->rate, reason,
                              sizeof reason);
     app_warn(e->app, "%s: %zu of %zu windows are unlike those of training, the farthest by %s", e->path,
-             e->unlike, e->judged.count, reason);
+             e->unlike, count, reason);
 }
+
+/* ---- the command ---- */
 
 static void check_votes(const evaluation *e) {
     well_model_need_healthy(e->app, e->model, "--votes");
     if (e->from.data.series.run == NULL)
         app_stop_usage(e->app, "--votes: %s has no recordings (/run)", e->path);
-    if (e->part.count < e->from.windows.count && e->model->cut.split == LG_SPLIT_RANDOM)
+    if (e->part.count < e->from.windows.count && e->model->file.run.split == LG_SPLIT_RANDOM)
         app_warn(e->app,
                  "--votes: the %s part of a random split holds single windows of the recordings, not the "
                  "recordings: times to detection are too long",
@@ -307,7 +323,7 @@ static void evaluate(evaluation *e) {
     lg_error why = {LG_OK, ""};
     read_series_of(self, e->path, e->model, &e->from.data);
     APP_MUST_FILE(self, e->path,
-                  lg_windows_create(self->context, series, e->model->window, (size_t)e->model->cut.hop,
+                  lg_windows_create(self->context, series, e->model->window, (size_t)e->model->file.run.hop,
                                     &e->from.windows, &error));
     choose_part(e);
     well_model_settle(self, e->model, values.healthy, e->from.data.healthy);
@@ -317,14 +333,11 @@ static void evaluate(evaluation *e) {
     if (status != LG_OK && status != LG_CANCELLED) app_stop(self, status, "%s: %s", e->path, why.message);
     app_must(self, status, &why);
     if (values.votes.count > 0) vote(e);
-    if (e->model->sort != WELL_NOVELTY && e->model->novelty.channels > 0) tell_unlike(e);
+    if (e->model->sort != WELL_NOVELTY && e->model->file.novelty.channels > 0) tell_unlike(e);
 }
 
 static void check_options(const app *self) {
     const lg_wholes *votes = &values.votes;
-    if (self->argument_count > MAX_FILES + 1)
-        app_stop_usage(self, "too many arguments: '%s'; expected: %s", self->arguments[MAX_FILES + 1],
-                       self->command->arguments);
     if (votes->count != 0 && (votes->count != 2 || votes->values[0] > votes->values[1]))
         app_stop_usage(self, "--votes: expected two numbers K,N with K at most N, such as 3,5");
     if ((app_plot_given.plot != NULL || values.scores != NULL) && self->argument_count > 2)
@@ -339,9 +352,9 @@ static void evaluation_destroy(evaluation *e) {
 }
 
 static void run(app *self) {
-    APP_CLEAN(well_model_destroy) well_model model = {.method = NULL};
+    APP_CLEAN(well_model_destroy) well_model model = {.plan = NULL};
     const size_t count = (size_t)self->argument_count - 1;
-    evaluation list[MAX_FILES];
+    evaluation *list = app_keep(count, sizeof *list);
     check_options(self);
     well_model_load(self, self->arguments[0], &model);
     app_plot_check(self, plots_of(&model, false));

@@ -94,28 +94,19 @@ static lg_status generate_run(void *user, size_t index, void *record, lg_error *
     return status == LG_OK ? LG_OK : lg_fail(error, status, "run %zu: %s", index, app_sentence(status, &why));
 }
 
-/* The channel names while the series is in use; not freed with it. */
-static char channel_names[LG_RISER_CHANNELS][LG_SERIES_NAME];
-
 static void create_series(const app *self, uint32_t length, size_t windows, lg_series *out) {
     lg_riser_run run;
     lg_riser_run_init(&run);
     *out = (lg_series){.count = windows, .channels = LG_RISER_CHANNELS, .length = length, .classes = 2};
     const lg_status status = lg_series_allocate(self->context, out, true, true);
-    if (status == LG_OUT_OF_MEMORY)
-        app_stop(self, status, "out of memory: %zu windows of %u samples", windows, length);
-    app_must(self, status, NULL);
+    if (status == LG_OK) out->channel_name = lg_alloc(self->context, LG_RISER_CHANNELS, LG_SERIES_NAME);
+    if (status == LG_OUT_OF_MEMORY || out->channel_name == NULL)
+        app_stop(self, LG_OUT_OF_MEMORY, "out of memory: %zu windows of %u samples", windows, length);
     out->rate = run.rate;
     (void)snprintf(out->class_name[0], LG_SERIES_NAME, "intact");
     (void)snprintf(out->class_name[1], LG_SERIES_NAME, "broken");
     for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++)
-        (void)snprintf(channel_names[c], LG_SERIES_NAME, "%s", lg_riser_channel(c));
-    out->channel_name = channel_names;
-}
-
-static void data_destroy(lg_series_data *data) {
-    data->series.channel_name = NULL;
-    lg_series_data_destroy(data);
+        (void)snprintf(out->channel_name[c], LG_SERIES_NAME, "%s", lg_riser_channel(c));
 }
 
 /* ---- the plot ---- */
@@ -131,7 +122,7 @@ static void put_recordings(app_plot *plot, const void *sampled) {
     APP_FREE float *samples = app_alloc(count * LG_RISER_CHANNELS, sizeof *samples);
     app_plot_text(plot, states ? "2\t%d\tintact\tbroken" : "2\t%d\tslack, broken\ttight, broken",
                   LG_RISER_CHANNELS);
-    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) app_plot_text(plot, "%s", channel_names[c]);
+    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) app_plot_text(plot, "%s", lg_riser_channel(c));
     for (int i = 0; i < 2; i++) {
         lg_riser_parameters parameters;
         lg_riser_run run;
@@ -231,7 +222,7 @@ static void run(app *self) {
                         .out = values.out,
                         .noun = "recordings",
                         .threads = self->threads};
-    APP_CLEAN(data_destroy)
+    APP_CLEAN(lg_series_data_destroy)
     lg_series_data data = {.noise = values.well.noise, .severity = values.well.severity};
     uint32_t length;
     size_t windows;

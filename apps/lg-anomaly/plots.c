@@ -23,7 +23,7 @@ static size_t chosen(const lg_judgement *judged, size_t i) {
 /* Computes the features of evaluated window `at`. x and work are memory for the window and its features. */
 static void features_of(const viewing *v, size_t at, float *x, double *f, void *work) {
     lg_windows_copy(&v->from->data.series, &v->from->windows, v->judged->window[at], x);
-    app_must_file(app_running(), lg_features_compute(&v->model->classifier.features, x, f, work), NULL,
+    app_must_file(app_running(), lg_features_compute(&v->model->file.classifier.features, x, f, work), NULL,
                   app_plot_given.plot);
 }
 
@@ -33,15 +33,15 @@ static void features_of(const viewing *v, size_t at, float *x, double *f, void *
 static char *column_name(const viewing *v, bool reduced, uint32_t c) {
     char name[160];
     lg_series series = v->from->data.series;
-    if (series.channel_name == NULL) series.channel_name = v->model->names.channel_name;
+    if (series.channel_name == NULL) series.channel_name = v->model->file.names.channel_name;
     if (reduced) return app_format("component %u", c + 1);
-    (void)lg_features_name(&v->model->classifier.features, &series, c, name, sizeof name);
+    (void)lg_features_name(&v->model->file.classifier.features, &series, c, name, sizeof name);
     return app_format("%s", name);
 }
 
 static void put_class_names(app_plot *plot, const viewing *v) {
-    for (uint32_t c = 0; c < v->model->names.classes; c++)
-        app_plot_text(plot, "%s", v->model->names.class_name[c]);
+    for (uint32_t c = 0; c < v->model->file.names.classes; c++)
+        app_plot_text(plot, "%s", v->model->file.names.class_name[c]);
 }
 
 /* The line w.x + b = 0 on which a network with two numbers before its output finds both classes equally
@@ -54,7 +54,7 @@ static bool output_line(const well_model *model, double w[2], double *b) {
         if (strcmp(slice.name, "output/weight") == 0) weight = theta + slice.offset;
         if (strcmp(slice.name, "output/bias") == 0) bias = theta + slice.offset;
     }
-    if (weight == NULL || bias == NULL || model->names.classes != 2) return false;
+    if (weight == NULL || bias == NULL || model->file.names.classes != 2) return false;
     const uint32_t n = net->outputs; /* weight is (2, n) */
     for (int d = 0; d < 2; d++) w[d] = n == 1 ? weight[d] : weight[2 * d + 1] - weight[2 * d];
     *b = n == 1 ? bias[0] : bias[1] - bias[0];
@@ -67,7 +67,7 @@ static void put_points(app_plot *plot, const void *view) {
     const viewing *v = view;
     const bool plane = strcmp(plot->kind, "plane") == 0, margin = strcmp(plot->kind, "margin") == 0;
     const bool pairs = strcmp(plot->kind, "pairs") == 0;
-    const lg_classifier *classifier = &v->model->classifier;
+    const lg_classifier *classifier = &v->model->file.classifier;
     const lg_features *features = &classifier->features;
     const lg_pca *pca = &classifier->pca;
     const bool reduced = !pairs && !plane && pca->components > 0;
@@ -78,14 +78,14 @@ static void put_points(app_plot *plot, const void *view) {
     APP_FREE float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
     APP_FREE double *f = app_alloc(3 * (size_t)features->count, sizeof *f);
     APP_FREE double *work = app_alloc(lg_features_work_size(features), 1);
-    APP_FREE double *seen = app_alloc(v->model->names.classes, sizeof *seen);
+    APP_FREE double *seen = app_alloc(v->model->file.names.classes, sizeof *seen);
     double w[3], b = 0, *reduction = f + features->count;
     bool known = plane && output_line(v->model, w, &b);
     if (margin) {
         app_must_file(app_running(), lg_svm_plane(&classifier->svm, w, &b), NULL, app_plot_given.plot);
         known = true;
     }
-    app_plot_text(plot, "%u\t%u", columns, v->model->names.classes);
+    app_plot_text(plot, "%u\t%u", columns, v->model->file.names.classes);
     for (uint32_t c = 0; c < columns; c++) {
         APP_FREE char *name =
             plane ? app_format("output %u of the last hidden layer", c + 1) : column_name(v, reduced, c);
@@ -108,7 +108,7 @@ static void put_points(app_plot *plot, const void *view) {
 
 static void put_variance(app_plot *plot, const void *view) {
     const viewing *v = view;
-    const lg_pca *pca = &v->model->classifier.pca;
+    const lg_pca *pca = &v->model->file.classifier.pca;
     app_plot_text(plot, "%u", pca->components);
     APP_PLOT_COLUMNS(plot, 9, pca->variances, {pca->variance, 1, 1});
 }
@@ -117,7 +117,7 @@ static void put_variance(app_plot *plot, const void *view) {
  * children, and its two texts. Leaves are at x = 0, 1, 2, ..., a parent is in the middle between its
  * children. Returns x. */
 static double put_node(app_plot *plot, const viewing *v, uint32_t node, uint32_t depth, double *leaves) {
-    const lg_classifier *classifier = &v->model->classifier;
+    const lg_classifier *classifier = &v->model->file.classifier;
     const lg_tree *tree = &classifier->tree;
     const lg_tree_node *n = &tree->node[node];
     const uint32_t *counts = tree->counts + (size_t)node * tree->classes;
@@ -132,7 +132,8 @@ static double put_node(app_plot *plot, const viewing *v, uint32_t node, uint32_t
         APP_FREE char *name = column_name(v, classifier->pca.components > 0, n->feature);
         app_plot_text(plot, "%s\t <= %.4g\n%.3f  n = %u", name, n->threshold, n->impurity, n->samples);
     } else {
-        app_plot_text(plot, "%s\t\n%.3f  n = %u", v->model->names.class_name[class], n->impurity, n->samples);
+        app_plot_text(plot, "%s\t\n%.3f  n = %u", v->model->file.names.class_name[class], n->impurity,
+                      n->samples);
     }
     APP_PLOT_ROW(plot, 6, x, depth, class + 1, n->samples == 0 ? 0 : counts[class] / (double)n->samples, left,
                  right);
@@ -141,7 +142,7 @@ static double put_node(app_plot *plot, const viewing *v, uint32_t node, uint32_t
 
 static void put_tree(app_plot *plot, const void *view) {
     const viewing *v = view;
-    const lg_tree *tree = &v->model->classifier.tree;
+    const lg_tree *tree = &v->model->file.classifier.tree;
     double leaves = 0;
     app_plot_text(plot, "%u\t%u", tree->depth, tree->count);
     (void)put_node(plot, v, 0, 0, &leaves);
@@ -150,15 +151,15 @@ static void put_tree(app_plot *plot, const void *view) {
 /* Writes the regression line of each window and the range of the accelerations of its segments. */
 static void put_regressions(app_plot *plot, const void *view) {
     const viewing *v = view;
-    const lg_features *features = &v->model->classifier.features;
+    const lg_features *features = &v->model->file.classifier.features;
     APP_FREE double *f = app_alloc(features->count, sizeof *f);
     APP_FREE double *work = app_alloc(lg_features_work_size(features), 1);
     APP_FREE float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
-    APP_FREE size_t *of_class = app_alloc(v->model->names.classes, sizeof *of_class);
+    APP_FREE size_t *of_class = app_alloc(v->model->file.names.classes, sizeof *of_class);
     /* Where features_baseline.c leaves those of the segments of the first acceleration. */
     const double *deviation = work + ((size_t)features->channels + 1) * features->length;
-    const size_t every = shown(v->judged) / ((size_t)SHOWN_LINES * v->model->names.classes) + 1;
-    app_plot_text(plot, "%u", v->model->names.classes);
+    const size_t every = shown(v->judged) / ((size_t)SHOWN_LINES * v->model->file.names.classes) + 1;
+    app_plot_text(plot, "%u", v->model->file.names.classes);
     put_class_names(plot, v);
     for (size_t i = 0; i < shown(v->judged); i += every) {
         const size_t at = chosen(v->judged, i), class = v->judged->truth[at];
@@ -178,8 +179,8 @@ static void put_regressions(app_plot *plot, const void *view) {
 static void put_confusion(app_plot *plot, const void *view) {
     const viewing *v = view;
     if (shown(v->judged) > 0)
-        app_plot_confusion(plot, "", v->judged->confusion, v->model->names.classes,
-                           v->model->names.class_name);
+        app_plot_confusion(plot, "", v->judged->confusion, v->model->file.names.classes,
+                           v->model->file.names.class_name);
 }
 
 static void put_roc(app_plot *plot, const void *view) {
@@ -202,7 +203,7 @@ static void put_roc(app_plot *plot, const void *view) {
         double area = 0;
         for (size_t i = 1; i < points; i++) area += 0.5 * (fpr[i] - fpr[i - 1]) * (tpr[i] + tpr[i - 1]);
         APP_PLOT_COLUMNS(plot, 9, points, {fpr, 1, 1}, {tpr, 1, 1});
-        app_plot_text(plot, "%s, area %.4f", v->model->names.class_name[c], area);
+        app_plot_text(plot, "%s, area %.4f", v->model->file.names.class_name[c], area);
         app_plot_block(plot);
         curves++;
     }
@@ -238,8 +239,8 @@ const app_plot_kind anomaly_plots[] = {
     {.name = NULL}};
 
 unsigned plots_of(const well_model *model, bool training) {
-    const lg_classifier *by = &model->classifier;
-    const bool tree = by->method == LG_METHOD_TREE, margin = model->names.classes == 2 &&
+    const lg_classifier *by = &model->file.classifier;
+    const bool tree = by->method == LG_METHOD_TREE, margin = model->file.names.classes == 2 &&
                                                              by->method == LG_METHOD_SVM_LINEAR &&
                                                              lg_pca_outputs(&by->pca) == 3;
     if (model->sort == WELL_NOVELTY) return NOVELTY;

@@ -11,11 +11,9 @@ enum { BASELINE_STORED = 10 };
 
 well_model trained_model(well_sort sort, const char *method) {
     return (well_model){.sort = sort,
-                        .method = method,
-                        .names = train_state.all.data.series,
                         .window = (uint32_t)train_run.window,
                         .healthy = train_state.healthy,
-                        .cut = train_run};
+                        .file = {.method = method, .names = train_state.all.data.series, .run = train_run}};
 }
 
 /* ---- the classical methods ---- */
@@ -63,7 +61,6 @@ static void run_classical(const app *self) {
 /* ---- the command ---- */
 
 static void run_train(app *self) {
-    train_check_options(self);
     if (train_given.method == METHOD_CNN) {
         train_main(self, &network_recipe);
         return;

@@ -5,6 +5,7 @@
 #include "common/search.h"
 #include "lg-anomaly/anomaly.h"
 
+/* In the order of classifier_method_name. */
 enum {
     METHOD_CNN,
     METHOD_LOGISTIC,
@@ -43,11 +44,8 @@ extern train_values train_given;
 extern lg_detector_run train_run;
 extern lg_detector_state train_state;
 extern const app_settings train_settings[];
-/* The name of a method; NULL if there is no such method. */
-const char *train_method_name(uint32_t method);
-
-/* Rejects options that the method does not have, and options that cannot be combined. */
-void train_check_options(const app *app);
+/* Rejects options that the method does not have, and options that cannot be combined (train_task.check). */
+lg_status train_check_options(const app *app, lg_error *error);
 
 /* ---- training ---- */
 

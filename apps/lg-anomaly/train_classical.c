@@ -70,7 +70,7 @@ static lg_status create_features(const app *program, lg_features *out, lg_error 
 }
 
 static lg_status make_table(const classical *self, const lg_cut_series *from, double **out, lg_error *error) {
-    const lg_features *features = &self->model.classifier.features;
+    const lg_features *features = &self->model.file.classifier.features;
     const size_t count = from->windows.count;
     *out = app_try_alloc(count * features->count, sizeof **out);
     if (*out == NULL)
@@ -103,7 +103,7 @@ static const uint32_t *units_of(const lg_series *series) {
 static void compute_features(classical *self) {
     const lg_cut_series *all = &state->all;
     const double begin = app_seconds();
-    APP_MUST(self->app, create_features(self->app, &self->model.classifier.features, &error));
+    APP_MUST(self->app, create_features(self->app, &self->model.file.classifier.features, &error));
     self->table = table_of(self, all);
     self->tested_table = self->table;
     if (state->test != NULL)
@@ -193,7 +193,7 @@ static void choose(classical *self) {
     APP_MUST(self->app, lg_classifier_search(
                             self->app->context, chosen->options, chosen->count, (uint32_t)train_given.folds,
                             self->table, self->label, self->unit, state->train.list, state->train.count,
-                            self->model.classifier.features.count, self->model.names.classes,
+                            self->model.file.classifier.features.count, self->model.file.names.classes,
                             (int)self->app->threads, chosen->accuracy, &chosen->best, &error));
     chosen->seconds = app_seconds() - begin;
 }
@@ -201,8 +201,8 @@ static void choose(classical *self) {
 static lg_status fit(const classical *self, const lg_classifier_options *options, lg_classifier *out,
                      lg_error *error) {
     return lg_classifier_fit(self->app->context, options, self->table, self->label, state->train.list,
-                             state->train.count, self->model.classifier.features.count,
-                             self->model.names.classes, out, error);
+                             state->train.count, self->model.file.classifier.features.count,
+                             self->model.file.names.classes, out, error);
 }
 
 /* ---- pruning of random convolution features ---- */
@@ -221,7 +221,7 @@ static size_t pruned_groups(void) {
 
 /* Keeps features with large weights, and fits their model again. */
 static lg_status prune(classical *self, const lg_classifier_options *options, lg_error *error) {
-    lg_classifier *model = &self->model.classifier;
+    lg_classifier *model = &self->model.file.classifier;
     const size_t d = model->features.count,
                  count = train_is_number(train_given.prune) ? train_given.prune : 0;
     if (count == 0 || count >= d) return LG_OK;
@@ -241,10 +241,10 @@ static lg_status prune(classical *self, const lg_classifier_options *options, lg
 static lg_status judge_rows(const app *self, const well_model *model, const lg_cut_series *from,
                             const lg_window_list *part, const double *table, lg_judgement *out,
                             lg_error *error) {
-    const lg_classifier *classifier = &model->classifier;
+    const lg_classifier *classifier = &model->file.classifier;
     APP_FREE void *work = app_alloc(lg_classifier_work_size(classifier), 1);
-    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->names.classes,
-                              model->healthy, false, out, error));
+    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part,
+                              model->file.names.classes, model->healthy, false, out, error));
     for (size_t i = 0; i < out->count; i++)
         lg_classifier_score(classifier, table + (size_t)part->list[i] * classifier->features.count,
                             out->score + i * out->classes, work);
@@ -284,7 +284,7 @@ void put_pruning(app_plot *plot, const void *view) {
     APP_FREE lg_pruning_step *steps = app_alloc(tree->count, sizeof *steps);
     APP_MUST_FILE(program, path, lg_tree_pruning_path(program->context, tree, tree->count, steps, &count));
     for (size_t i = 0; i < count; i += 1 + count / 200) { /* each step prunes the whole tree */
-        lg_tree *pruned = &model.classifier.tree;
+        lg_tree *pruned = &model.file.classifier.tree;
         APP_MUST_FILE(program, path, lg_tree_prune(program->context, tree, steps[i].alpha, pruned));
         APP_PLOT_ROW(plot, 9, steps[i].alpha,
                      accuracy_of(self, &model, &state->all, &state->train, self->table),
@@ -347,10 +347,10 @@ static void put_method(app_json *out, const lg_classifier *model, const lg_class
 }
 
 static void put_classical(app_json *out, const classical *self) {
-    const lg_classifier *model = &self->model.classifier;
+    const lg_classifier *model = &self->model.file.classifier;
     if (self->model.sort == WELL_NOVELTY) {
-        app_result_size(out, "feature_count", self->model.novelty.features, NULL);
-        app_json_size(out, "bands", self->model.novelty.bands);
+        app_result_size(out, "feature_count", self->model.file.novelty.features, NULL);
+        app_json_size(out, "bands", self->model.file.novelty.bands);
         return;
     }
     app_result_text(out, "features", lg_feature_kind_name(model->features.kind), NULL);
@@ -368,7 +368,8 @@ static void report(const classical *self) {
     lg_training *training = &network_recipe.training;
     app_json *out = program->out;
     put_metrics(out, &state->judged, model);
-    lg_detector_tell_training(training, model->method, model->names.classes, model->names.class_name);
+    lg_detector_tell_training(training, model->file.method, model->file.names.classes,
+                              model->file.names.class_name);
     train_put_results(out, training, 0, training->result_count);
     app_result_text(out, "healthy", train_run.healthy[0] != '\0' ? train_run.healthy : NULL, NULL);
     app_result_text(out, "split", lg_split_name(train_run.split), NULL);
@@ -384,15 +385,15 @@ static void report(const classical *self) {
 
 static lg_status run_trial(classical *self, lg_trial *trial, lg_error *error) {
     const lg_classifier_options options = base_options(self->app, &train_given, state->all.data.noise);
-    lg_classifier *model = &self->model.classifier;
+    lg_classifier *model = &self->model.file.classifier;
     lg_judgement judged = {0};
     LG_TRY(create_features(self->app, &model->features, error));
     LG_TRY(make_table(self, &state->all, &self->table, error));
     LG_TRY(fit(self, &options, model, error));
     LG_TRY(prune(self, &options, error));
     LG_TRY(judge_rows(self->app, &self->model, &state->all, &state->validation, self->table, &judged, error));
-    trial->parameters =
-        (uint64_t)model->features.count * (self->model.names.classes > 2 ? self->model.names.classes : 1);
+    trial->parameters = (uint64_t)model->features.count *
+                        (self->model.file.names.classes > 2 ? self->model.file.names.classes : 1);
     trial->objective = 1.0 - judged.metrics.accuracy;
     lg_judgement_destroy(&judged);
     return LG_OK;
@@ -401,10 +402,10 @@ static lg_status run_trial(classical *self, lg_trial *trial, lg_error *error) {
 lg_status train_trial(const app *program, lg_trial *trial, lg_error *error) {
     if (train_given.method == METHOD_CNN) return LG_NOT_FOUND;
     classical self = {.app = program, .model = trained_model(WELL_CLASSICAL, "rocket")};
-    self.model.classifier.method = method_of((int)train_given.method);
+    self.model.file.classifier.method = method_of((int)train_given.method);
     self.label = of_windows(&state->all, state->all.data.series.label);
     const lg_status status = run_trial(&self, trial, error);
-    lg_classifier_destroy(&self.model.classifier);
+    lg_classifier_destroy(&self.model.file.classifier);
     free(self.label);
     free(self.table);
     return status;
@@ -413,7 +414,7 @@ lg_status train_trial(const app *program, lg_trial *trial, lg_error *error) {
 /* ---- training ---- */
 
 static void train_classifier(classical *self) {
-    lg_classifier *model = &self->model.classifier;
+    lg_classifier *model = &self->model.file.classifier;
     model->method = method_of((int)train_given.method);
     self->model.probabilities = model->method <= LG_METHOD_TREE;
     compute_features(self);
@@ -422,7 +423,7 @@ static void train_classifier(classical *self) {
     APP_MUST(self->app, fit(self, &self->chosen.options[self->chosen.best], model, &error));
     APP_MUST(self->app, prune(self, &self->chosen.options[self->chosen.best], &error));
     network_recipe.training.seconds = app_seconds() - begin;
-    APP_MUST(self->app, lg_detector_fit_novelty(&network_recipe.training, &self->model.novelty, &error));
+    APP_MUST(self->app, lg_detector_fit_novelty(&network_recipe.training, &self->model.file.novelty, &error));
 }
 
 /* Learns the training windows of the healthy class, number 0; all others are of one class. */
@@ -434,9 +435,9 @@ static void train_novelty(classical *self) {
     (void)snprintf(self->names[0], LG_SERIES_NAME, "%s", train_run.healthy);
     (void)snprintf(self->names[1], LG_SERIES_NAME, "unlike");
     self->model.sort = WELL_NOVELTY;
-    self->model.names.classes = 2;
-    self->model.names.class_name = self->names;
-    self->model.names.class_label = NULL;
+    self->model.file.names.classes = 2;
+    self->model.file.names.class_name = self->names;
+    self->model.file.names.class_label = NULL;
     for (size_t i = 0; i < train->count; i++)
         if (all->data.series.label[all->windows.first[train->list[i]]] == 0)
             train->list[kept++] = train->list[i];
@@ -446,24 +447,27 @@ static void train_novelty(classical *self) {
     options.margin = MARGIN;
     APP_MUST(self->app,
              lg_novelty_fit(self->app->context, &options, &all->data.series, &all->windows, train->list,
-                            train->count, (int)self->app->threads, &self->model.novelty, &error));
+                            train->count, (int)self->app->threads, &self->model.file.novelty, &error));
     network_recipe.training.seconds = app_seconds() - begin;
 }
 
 void train_classical(const app *program) {
-    const char *method = train_method_name(train_given.method);
+    const char *method = classifier_method_name(train_given.method);
     classical self = {.app = program, .model = trained_model(WELL_CLASSICAL, method)};
     (train_given.method == METHOD_NOVELTY ? train_novelty : train_classifier)(&self);
     app_plot_check(program, plots_of(&self.model, true));
     judge_part(&self, &state->all, &state->train, self.table, &state->train_judged);
     judge_part(&self, lg_detector_tested(state), &state->tested, self.tested_table, &state->judged);
+    classifier_file *file = &self.model.file;
+    file->accuracy = state->judged.metrics.accuracy;
+    file->f1 = state->judged.metrics.f1;
+    file->provenance = app_provenance(program, train_run.training.seed);
     APP_MUST_FILE(program, train_given_files.out,
-                  well_model_save(program, train_given_files.out, &self.model, state->judged.metrics.accuracy,
-                                  state->judged.metrics.f1, &error));
+                  classifier_file_save(program->context, train_given_files.out, file, &error));
     draw(&self);
     report(&self);
-    lg_classifier_destroy(&self.model.classifier);
-    lg_novelty_destroy(&self.model.novelty);
+    lg_classifier_destroy(&self.model.file.classifier);
+    lg_novelty_destroy(&self.model.file.novelty);
     if (self.tested_table != self.table) free(self.tested_table);
     free(self.label);
     free(self.unit);

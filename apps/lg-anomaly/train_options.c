@@ -5,16 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* ---- names ---- */
-
-const char *train_method_name(uint32_t method) {
-    static const char *const names[] = {[METHOD_CNN] = "cnn",         [METHOD_LOGISTIC] = "logistic",
-                                        [METHOD_TREE] = "tree",       [METHOD_SVM_LINEAR] = "svm-linear",
-                                        [METHOD_SVM_RBF] = "svm-rbf", [METHOD_BASELINE] = "baseline",
-                                        [METHOD_ROCKET] = "rocket",   [METHOD_NOVELTY] = "novelty"};
-    return method < LG_COUNT(names) ? names[method] : NULL;
-}
-
 /* ---- hyperparameters that are not in lg_detector_run ---- */
 
 enum {
@@ -30,7 +20,7 @@ enum {
 
 #define ROW(name, type, member, ...) LG_FIELD(train_values, "", name, type, member, __VA_ARGS__)
 static const lg_field rows[] = {
-    ROW("method", NAME, method, .option = "classifier", .usual = true, .value_name = train_method_name,
+    ROW("method", NAME, method, .option = "classifier", .usual = true, .value_name = classifier_method_name,
         .value = "cnn",
         .meaning =
             "The network (cnn) or a classical method; baseline: windows of ten minutes every minute, "
@@ -88,25 +78,26 @@ const app_settings train_settings[] = {{lg_detector_fields, &train_run, sizeof t
 
 /* ---- options that cannot be combined ---- */
 
-void train_check_options(const app *self) {
+lg_status train_check_options(const app *self, lg_error *error) {
     const train_values *values = &train_given;
+    const bool rocket = values->method == METHOD_ROCKET;
+    const uint32_t prune = train_name(values->prune);
+    const char *why = NULL;
     /* Only the network has a fit, so only it has the options for files, except --out. */
     for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++)
         if (values->method != METHOD_CNN && slot->given && slot->values == &train_given_files &&
             strcmp(slot->name, "out") != 0)
-            app_stop_usage(self, "--%s: --classifier %s has no such option", slot->name,
-                           train_method_name(values->method));
-    const bool rocket = values->method == METHOD_ROCKET;
+            return lg_fail(error, LG_INVALID_ARGUMENT, "--%s: --classifier %s has no such option", slot->name,
+                           classifier_method_name(values->method));
     if (app_given(self, "features") && train_is_number(values->features) != rocket)
-        app_stop_usage(self, "--features: %s",
-                       rocket ? "--classifier rocket needs a number, such as 10000"
-                              : "only --classifier rocket takes a number");
-    if (app_given(self, "prune") && train_is_number(values->prune) != rocket)
-        app_stop_usage(self, "--prune: %s",
-                       rocket ? "--classifier rocket needs a number, such as 1000"
-                              : "--classifier tree takes none, pre or post");
-    const bool pre = train_name(values->prune) == PRUNE_PRE;
-    if (app_given(self, "ccp-alpha") && train_name(values->prune) != PRUNE_POST)
-        app_stop_usage(self, "--ccp-alpha: needs --prune post");
-    if (pre && app_given(self, "max-depth")) app_stop_usage(self, "--prune pre: chooses --max-depth");
+        why = rocket ? "--features: --classifier rocket needs a number, such as 10000"
+                     : "--features: only --classifier rocket takes a number";
+    else if (app_given(self, "prune") && train_is_number(values->prune) != rocket)
+        why = rocket ? "--prune: --classifier rocket needs a number, such as 1000"
+                     : "--prune: --classifier tree takes none, pre or post";
+    else if (app_given(self, "ccp-alpha") && prune != PRUNE_POST)
+        why = "--ccp-alpha: needs --prune post";
+    else if (prune == PRUNE_PRE && app_given(self, "max-depth"))
+        why = "--prune pre: chooses --max-depth";
+    return why == NULL ? LG_OK : lg_fail(error, LG_INVALID_ARGUMENT, "%s", why);
 }

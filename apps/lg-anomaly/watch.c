@@ -47,7 +47,7 @@ static const lg_field watch_options[] = {
              "for trials with a known truth",
              LG_ANY_REAL),
     LG_OPTION(watch_values, log, STRING, "FILE",
-              "Append the verdicts to FILE instead of printing them; SIGHUP opens it again (log rotation)",
+              "Append the results to FILE instead of printing them; SIGHUP opens it again (log rotation)",
               .file = LG_FILE_STREAMED),
     LG_OPTION(watch_values, quiet, SWITCH, NULL, "Print changes of the alarm only"),
     LG_FIELD_END};
@@ -76,11 +76,11 @@ static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *
     bench *b = user;
     const lg_status status = well_model_score(b->model, x, b->score, NULL, b->work);
     if (status != LG_OK) return status;
-    b->given = lg_metrics_class(b->score, b->model->names.classes);
+    b->given = lg_metrics_class(b->score, b->model->file.names.classes);
     *score = well_model_alarm(b->model, b->score);
     *answer = b->given != b->model->healthy ? LG_ANSWER_POSITIVE : LG_ANSWER_NEGATIVE;
     if (b->novelty_work == NULL) return LG_OK;
-    lg_novelty_eval(&b->model->novelty, x, &b->novelty, b->features, b->novelty_work);
+    lg_novelty_eval(&b->model->file.novelty, x, &b->novelty, b->features, b->novelty_work);
     if (is_unlike(b, missing)) *answer = LG_ANSWER_NOVEL;
     return LG_OK;
 }
@@ -89,14 +89,14 @@ static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *
 
 static uint32_t most_silent(const watching *self) {
     uint32_t most = 0;
-    for (uint32_t c = 1; c < self->bench.model->names.channels; c++)
+    for (uint32_t c = 1; c < self->channels; c++)
         if (self->silence.without[c] > self->silence.without[most]) most = c;
     return most;
 }
 
 static void hear(watching *self, const float *sample) {
     self->silence.samples++;
-    for (uint32_t c = 0; sample != NULL && c < self->bench.model->names.channels; c++)
+    for (uint32_t c = 0; sample != NULL && c < self->channels; c++)
         self->silence.without[c] += !isfinite(sample[c]);
 }
 
@@ -114,14 +114,14 @@ static void blame_silence(watching *self, lg_verdict *v) {
 
 static void forget_silence(watching *self) {
     self->silence.samples = 0;
-    memset(self->silence.without, 0, self->bench.model->names.channels * sizeof *self->silence.without);
+    memset(self->silence.without, 0, self->channels * sizeof *self->silence.without);
 }
 
 static void tell_silence(const watching *self, char text[REASON]) {
     const well_model *model = self->bench.model;
     const uint32_t c = most_silent(self);
-    const bool named = model->names.channel_name != NULL && model->names.channel_name[c][0] != '\0';
-    int used = named ? snprintf(text, REASON, "%s", model->names.channel_name[c])
+    const bool named = model->file.names.channel_name != NULL && model->file.names.channel_name[c][0] != '\0';
+    int used = named ? snprintf(text, REASON, "%s", model->file.names.channel_name[c])
                      : snprintf(text, REASON, "channel %u", c + 1);
     (void)snprintf(text + used, (size_t)(REASON - used), ": no number in %llu of %llu samples",
                    (unsigned long long)self->silence.without[c], (unsigned long long)self->silence.samples);
@@ -137,13 +137,14 @@ static const char *reason_of(const watching *self, const lg_verdict *v, char tex
     if (!v->judged && v->answer == LG_ANSWER_NOVEL)
         tell_silence(self, text);
     else if (v->judged && (v->answer == LG_ANSWER_NOVEL || alone))
-        (void)lg_novelty_explain(&model->novelty, &b->novelty, model->names.channel_name, model->names.rate,
-                                 text, REASON);
+        (void)lg_novelty_explain(&model->file.novelty, &b->novelty, model->file.names.channel_name,
+                                 model->file.names.rate, text, REASON);
     return text;
 }
 
 static const char *class_name(const watching *self, const lg_verdict *v) {
-    return v->answer == LG_ANSWER_NOVEL ? "unlike" : self->bench.model->names.class_name[self->bench.given];
+    return v->answer == LG_ANSWER_NOVEL ? "unlike"
+                                        : self->bench.model->file.names.class_name[self->bench.given];
 }
 
 /* ---- the level of noise ---- */
@@ -151,22 +152,23 @@ static const char *class_name(const watching *self, const lg_verdict *v) {
 static void warn_of_noise(const watching *self) {
     const well_model *model = self->bench.model;
     const noise_level *noise = &self->noise;
-    const double rate = model->names.rate > 0 ? model->names.rate : 1;
+    const double rate = model->file.names.rate > 0 ? model->file.names.rate : 1;
     uint32_t more = 0, less = 0, most = 0;
-    for (uint32_t c = 0; c < model->names.channels; c++) {
+    for (uint32_t c = 0; c < model->file.names.channels; c++) {
         const double change = noise->sum[c] / noise->windows;
         more += change > log(SAME_NOISE);
         less += change < -log(SAME_NOISE);
         if (fabs(noise->sum[c]) > fabs(noise->sum[most])) most = c;
     }
-    if (2 * more <= model->names.channels && 2 * less <= model->names.channels) return;
+    if (2 * more <= model->file.names.channels && 2 * less <= model->file.names.channels) return;
     app_warn(self->app,
              "the noise of the feed differs from the noise in training: %u of %u channels have %s amplitude "
              "above %.3g %s, channel %u %.3g times the usual one; a model that was trained at another level "
              "of noise misses damage",
-             more > less ? more : less, model->names.channels, more > less ? "more" : "less",
-             lg_novelty_noise_from(&model->novelty) * rate, model->names.rate > 0 ? "Hz" : "cycles a sample",
-             most + 1, exp(noise->sum[most] / noise->windows));
+             more > less ? more : less, model->file.names.channels, more > less ? "more" : "less",
+             lg_novelty_noise_from(&model->file.novelty) * rate,
+             model->file.names.rate > 0 ? "Hz" : "cycles a sample", most + 1,
+             exp(noise->sum[most] / noise->windows));
 }
 
 /* Measures the level of noise in the first windows without missing samples and with all sensors alive. */
@@ -174,11 +176,12 @@ static void listen(watching *self, uint32_t missing) {
     const bench *b = &self->bench;
     noise_level *noise = &self->noise;
     const lg_novelty_cause cause = b->novelty.cause;
-    if (b->novelty_work == NULL || b->model->novelty.bands == 0 || noise->windows >= NOISE_WINDOWS) return;
+    if (b->novelty_work == NULL || b->model->file.novelty.bands == 0 || noise->windows >= NOISE_WINDOWS)
+        return;
     if (missing > 0 || cause == LG_NOVELTY_STILL || cause == LG_NOVELTY_NONE) return;
     double *ratio = b->novelty_work; /* this memory is free until the next window is judged */
-    lg_novelty_noise(&b->model->novelty, b->novelty.nearest, b->features, ratio);
-    for (uint32_t c = 0; c < b->model->names.channels; c++) noise->sum[c] += log(ratio[c]);
+    lg_novelty_noise(&b->model->file.novelty, b->novelty.nearest, b->features, ratio);
+    for (uint32_t c = 0; c < b->model->file.names.channels; c++) noise->sum[c] += log(ratio[c]);
     if (++noise->windows == NOISE_WINDOWS) warn_of_noise(self);
 }
 
@@ -313,12 +316,6 @@ void watch_push(watching *self, const float *sample) {
 
 /* ---- the summary ---- */
 
-typedef struct totals {
-    double seconds, days, before_days, false_alarms, false_windows, delay;
-    uint64_t max_rss, start_rss; /* largest resident memory, in KiB */
-    size_t watch_bytes;
-} totals;
-
 static uint64_t max_rss_kb(void) {
     struct rusage usage;
     return getrusage(RUSAGE_SELF, &usage) == 0 ? (uint64_t)usage.ru_maxrss : 0;
@@ -326,17 +323,6 @@ static uint64_t max_rss_kb(void) {
 
 static double a_day(uint64_t count, double days) {
     return days > 0 ? (double)count / days : NAN;
-}
-
-static totals total(const watching *self, double seconds) {
-    const tally *t = &self->tally;
-    totals all = {.seconds = seconds, .max_rss = max_rss_kb()};
-    all.days = (double)t->samples / self->rate / DAY;
-    all.before_days = (double)t->judged_before * self->hop / self->rate / DAY;
-    all.false_alarms = a_day(t->alarms_before, all.before_days);
-    all.false_windows = a_day(t->positive_before, all.before_days);
-    all.delay = t->detection - values.crack_at;
-    return all;
 }
 
 /* Adds a number that has a meaning only if `known`. */
@@ -347,13 +333,15 @@ static void put_known(app_json *out, bool known, const char *key, double value, 
         app_json_real(out, key, NAN);
 }
 
-static void print_summary(const watching *self, const totals *all) {
+static void print_summary(const watching *self, double seconds, size_t watch_bytes, uint64_t start_rss) {
     const tally *t = &self->tally;
+    const double days = (double)t->samples / self->rate / DAY,
+                 before = (double)t->judged_before * self->hop / self->rate / DAY;
     const bool known = app_given(self->app, "crack-at"), novel = isfinite(self->bench.farthest);
     app_json *out = self->app->out;
     out->prefix = "# ";
     app_json_bool(out, "summary", true);
-    app_result_text(out, "healthy", self->bench.model->cut.healthy,
+    app_result_text(out, "healthy", self->bench.model->file.run.healthy,
                     "windows of other classes vote for the alarm");
     app_json_bool(out, "interrupted", app_interrupted());
     app_result_size(out, "samples", t->samples, NULL);
@@ -362,7 +350,7 @@ static void print_summary(const watching *self, const totals *all) {
     app_result_size(out, "not_finite", t->not_finite, NULL);
     app_result_size(out, "malformed", t->malformed, NULL);
     app_result_size(out, "repeated", t->repeated, NULL);
-    app_result_real(out, "days", all->days, NULL);
+    app_result_real(out, "days", days, NULL);
     app_result_size(out, "windows", t->windows, NULL);
     app_result_size(out, "judged", t->judged, NULL);
     app_result_size(out, "positive", t->positive, NULL);
@@ -376,15 +364,15 @@ static void print_summary(const watching *self, const totals *all) {
     app_result_size(out, "alarms", t->alarms, self->alarm ? "standing" : NULL);
     app_json_real(out, "first_alarm", t->first_alarm);
     put_known(out, known, "crack_at", values.crack_at, "s");
-    put_known(out, known, "time_to_detection", all->delay, "s");
+    put_known(out, known, "time_to_detection", t->detection - values.crack_at, "s");
     put_known(out, known, "false_alarms", (double)t->alarms_before, NULL);
-    put_known(out, known, "false_alarms_per_day", all->false_alarms, NULL);
-    put_known(out, known, "false_positive_windows_per_day", all->false_windows, NULL);
-    app_result_real(out, "seconds", all->seconds, NULL);
-    app_result_real(out, "samples_per_second", (double)t->samples / all->seconds, NULL);
-    app_result_size(out, "watch_bytes", all->watch_bytes, NULL);
-    app_json_size(out, "start_rss_kb", all->start_rss);
-    app_result_size(out, "max_rss_kb", all->max_rss, NULL);
+    put_known(out, known, "false_alarms_per_day", a_day(t->alarms_before, before), NULL);
+    put_known(out, known, "false_positive_windows_per_day", a_day(t->positive_before, before), NULL);
+    app_result_real(out, "seconds", seconds, NULL);
+    app_result_real(out, "samples_per_second", (double)t->samples / seconds, NULL);
+    app_result_size(out, "watch_bytes", watch_bytes, NULL);
+    app_json_size(out, "start_rss_kb", start_rss);
+    app_result_size(out, "max_rss_kb", max_rss_kb(), NULL);
 }
 
 /* ---- the command ---- */
@@ -398,15 +386,18 @@ static bool samples_of(double seconds, double rate, double least, double most, u
 }
 
 static void set_options(const app *self, const well_model *model, watching *w, lg_monitor_options *o) {
-    w->rate_known = app_given(self, "rate") || model->names.rate > 0;
-    w->rate = app_given(self, "rate") ? values.rate : model->names.rate > 0 ? model->names.rate : 1.0;
+    w->rate_known = app_given(self, "rate") || model->file.names.rate > 0;
+    w->rate = app_given(self, "rate")      ? values.rate
+              : model->file.names.rate > 0 ? model->file.names.rate
+                                           : 1.0;
     if (!w->rate_known)
         app_warn(self, "the model has no sampling rate: options in seconds count samples instead (see "
                        "--rate)");
-    if (app_given(self, "rate") && model->names.rate > 0 && fabs(values.rate / model->names.rate - 1) > 1e-3)
-        app_warn(self, "the model was trained at %.6g Hz, not %.6g Hz", model->names.rate, values.rate);
+    if (app_given(self, "rate") && model->file.names.rate > 0 &&
+        fabs(values.rate / model->file.names.rate - 1) > 1e-3)
+        app_warn(self, "the model was trained at %.6g Hz, not %.6g Hz", model->file.names.rate, values.rate);
     lg_monitor_options_init(o);
-    o->channels = model->names.channels;
+    o->channels = model->file.names.channels;
     o->window = model->window;
     o->missing = values.missing;
     o->votes = values.votes.values[0];
@@ -462,7 +453,7 @@ static void on_idle(void *user) {
 }
 
 static void watch_feed(watching *self, int file, size_t watch_bytes) {
-    const lg_series *names = &self->bench.model->names;
+    const lg_series *names = &self->bench.model->file.names;
     APP_FREE float *sample = app_alloc(names->channels, sizeof *sample);
     APP_CLEAN(sample_reader_close) sample_reader reader = {.channels = 0};
     watch_time_open(self);
@@ -472,22 +463,20 @@ static void watch_feed(watching *self, int file, size_t watch_bytes) {
     const uint64_t start_rss = max_rss_kb();
     const double start = app_seconds();
     read_feed(self, &reader, sample);
-    totals all = total(self, app_seconds() - start);
-    all.start_rss = start_rss;
-    all.watch_bytes = watch_bytes;
+    const double seconds = app_seconds() - start;
     if (!app_interrupted() && self->started && values.crack_at > self->now)
         app_warn(self->app,
                  "--crack-at %.15g s is after the last sample, at %.15g s (seconds here, hours for `feed`)",
                  values.crack_at, self->now);
-    print_summary(self, &all);
+    print_summary(self, seconds, watch_bytes, start_rss);
     app_result_end(self->app); /* the file of --log may fail later */
 }
 
 static void open_novelty(watching *self) {
     bench *b = &self->bench;
-    const lg_novelty *novelty = &b->model->novelty;
+    const lg_novelty *novelty = &b->model->file.novelty;
     b->farthest = values.unlike > 0 ? values.unlike : INFINITY;
-    self->silence.without = app_keep(b->model->names.channels, sizeof *self->silence.without);
+    self->silence.without = app_keep(b->model->file.names.channels, sizeof *self->silence.without);
     if (novelty->channels == 0) {
         app_warn(self->app,
                  "the model has no record of what its training windows look like: a dead sensor gets a "
@@ -502,13 +491,14 @@ static void open_novelty(watching *self) {
 static void watch_with(const app *self, const well_model *model, int file) {
     watching w = {.app = self,
                   .bench = {.model = model},
+                  .channels = model->file.names.channels,
                   .tally = {.first_alarm = NAN, .first_unlike = NAN, .detection = NAN}};
     lg_monitor_options options;
     set_options(self, model, &w, &options);
     watch_log_open(&w.log, self, values.log, self->json ? json_begin : text_begin);
     const size_t bytes = lg_monitor_size(&options);
     APP_FREE void *memory = app_alloc(bytes, 1);
-    w.bench.score = app_keep(model->names.classes, sizeof *w.bench.score);
+    w.bench.score = app_keep(model->file.names.classes, sizeof *w.bench.score);
     w.bench.work = app_keep(well_model_work(model), 1);
     open_novelty(&w);
     APP_MUST(self, lg_monitor_init(&options, judge, &w.bench, &w.watch, memory, bytes, &error));
@@ -517,7 +507,7 @@ static void watch_with(const app *self, const well_model *model, int file) {
 }
 
 static void run(app *self) {
-    APP_CLEAN(well_model_destroy) well_model model = {.method = NULL};
+    APP_CLEAN(well_model_destroy) well_model model = {.plan = NULL};
     int file = STDIN_FILENO;
     well_model_load(self, self->arguments[0], &model);
     well_model_settle(self, &model, values.healthy, "");
@@ -543,13 +533,13 @@ const app_command anomaly_watch_command = {
         "the times show which samples are missing. A last line without a line end may be cut; its sample is "
         "lost.\nA time that jumps is accepted when three more samples continue from it; otherwise its line "
         "is malformed. A feed whose times do not have the model's sampling rate fails. --rate HZ "
-        "accepts it unchanged: windows have the same number of samples, on a grid of HZ.\nA verdict is "
+        "accepts it unchanged: windows have the same number of samples, on a grid of HZ.\nA result is "
         "printed as soon as its window is complete: time of its last sample, class, score, votes for an "
         "alarm among the last windows, samples missing, alarm, reason. The class is \"unlike\" where the "
         "window is unlike those of training, or a sensor sends no numbers: such a window has no vote for the "
         "alarm; the state is UNLIKE when K of the last N are so. For a long gap only the first windows are "
         "printed; the others are counted. The summary follows at the end, also after Ctrl-C (exit code 130). "
-        "With --json each verdict and the summary is one object on its own line.\nWith --log verdicts are "
+        "With --json each result and the summary is one object on its own line.\nWith --log results are "
         "appended to a file, one write a line; the summary stays on standard output. logrotate: rename and "
         "SIGHUP loses no line; copytruncate loses those written between its copy and its cut.\nWith "
         "--crack-at the time to detection runs from T to the end of the first window that is not of the "

@@ -56,12 +56,12 @@ typedef struct tally {
 typedef struct held_sample {
     double time;
     uint64_t line;
+    float *values; /* (channels) */
 } held_sample;
 
 /* Compares the times of the feed with the clock of the watch. */
 typedef struct timing {
     held_sample first[FIRST_TIMES], held[HELD];
-    float *first_values, *held_values; /* (FIRST_TIMES, channels), (HELD, channels) */
     /* firsts, holds: number of stored samples; wanted: number of samples from which the interval is
      * measured. */
     uint32_t firsts, wanted, holds;
@@ -88,6 +88,7 @@ typedef struct watching {
     const app *app;
     watch_log log;
     bench bench;
+    uint32_t channels; /* of the model */
     lg_monitor *watch;
     double rate, hop; /* Hz; samples. rate is 1 if it is unknown. */
     bool rate_known, started, alarm, unlike;

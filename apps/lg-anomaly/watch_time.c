@@ -85,7 +85,7 @@ static bool advance(watching *self, double time) {
 
 static void push_received(watching *self, const float *sample) {
     bool whole = true;
-    for (uint32_t c = 0; c < self->bench.model->names.channels; c++) whole = whole && isfinite(sample[c]);
+    for (uint32_t c = 0; c < self->channels; c++) whole = whole && isfinite(sample[c]);
     *(whole ? &self->tally.received : &self->tally.not_finite) += 1;
     watch_push(self, sample);
 }
@@ -114,8 +114,10 @@ static void count_malformed(watching *self, uint64_t line, const char *problem, 
  * the clock jumps there. If a sample follows the clock before that, the times of the waiting samples are
  * wrong, and these samples are malformed. */
 
-static float *held_values(watching *self, uint32_t i) {
-    return &self->timing.held_values[(size_t)i * self->bench.model->names.channels];
+static void keep(const watching *self, held_sample *to, const float *sample, double time, uint64_t line) {
+    to->time = time;
+    to->line = line;
+    memcpy(to->values, sample, self->channels * sizeof *sample);
 }
 
 static bool in_line(const watching *self, double from, double to) {
@@ -158,7 +160,7 @@ static void settle(watching *self, uint32_t first, uint32_t last) {
     }
     for (uint32_t i = 0; i < t->holds; i++)
         if (fits[i])
-            accept(self, held_values(self, i), t->held[i].time);
+            accept(self, t->held[i].values, t->held[i].time);
         else
             reject_held(self, i);
     t->holds = 0;
@@ -181,10 +183,10 @@ static void settle_held(watching *self, bool at_end) {
         return;
     }
     reject_held(self, 0);
+    const held_sample rejected = t->held[0];
     t->holds--;
     memmove(t->held, t->held + 1, t->holds * sizeof *t->held);
-    memmove(t->held_values, held_values(self, 1),
-            (size_t)t->holds * self->bench.model->names.channels * sizeof *t->held_values);
+    t->held[t->holds] = rejected; /* its memory is free again */
 }
 
 static void hold(watching *self, const float *sample, double time, uint64_t line) {
@@ -203,9 +205,7 @@ static void hold(watching *self, const float *sample, double time, uint64_t line
         }
     }
     if (t->holds == HELD) settle_held(self, false);
-    t->held[t->holds] = (held_sample){time, line};
-    memcpy(held_values(self, t->holds), sample, self->bench.model->names.channels * sizeof *sample);
-    t->holds++;
+    keep(self, &t->held[t->holds++], sample, time, line);
     const uint32_t first = line_before(self, t->holds);
     if (t->holds - first >= BELIEVED) settle(self, first, t->holds);
 }
@@ -276,8 +276,7 @@ static void release_first(watching *self) {
     timing *t = &self->timing;
     const bool right = t->measured || check_rate(self);
     for (uint32_t i = 0; right && i < t->firsts; i++)
-        take_timed(self, &t->first_values[(size_t)i * self->bench.model->names.channels], t->first[i].time,
-                   t->first[i].line);
+        take_timed(self, t->first[i].values, t->first[i].time, t->first[i].line);
     t->firsts = 0;
 }
 
@@ -290,9 +289,7 @@ void watch_take(watching *self, const float *sample, double time, uint64_t line)
     } else if (t->measured) {
         take_timed(self, sample, time, line);
     } else {
-        const uint32_t channels = self->bench.model->names.channels;
-        t->first[t->firsts] = (held_sample){time, line};
-        memcpy(&t->first_values[(size_t)t->firsts * channels], sample, channels * sizeof *sample);
+        keep(self, &t->first[t->firsts], sample, time, line);
         if (++t->firsts == t->wanted) release_first(self);
     }
 }
@@ -323,8 +320,9 @@ void watch_time_open(watching *self) {
     const uint32_t window = self->bench.model->window;
     *t = (timing){.usual = 1, .follow = true, .measured = !self->rate_known};
     t->wanted = window > FIRST_TIMES ? FIRST_TIMES : window < LEAST_TIMES ? LEAST_TIMES : window;
-    t->first_values = app_keep((size_t)FIRST_TIMES * self->bench.model->names.channels, sizeof(float));
-    t->held_values = app_keep((size_t)HELD * self->bench.model->names.channels, sizeof(float));
+    float *values = app_keep((size_t)(FIRST_TIMES + HELD) * self->channels, sizeof *values);
+    for (uint32_t i = 0; i < FIRST_TIMES + HELD; i++, values += self->channels)
+        (i < HELD ? &t->held[i] : &t->first[i - HELD])->values = values;
 }
 
 void watch_settle(watching *self) {

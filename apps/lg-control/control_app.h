@@ -37,19 +37,13 @@ lg_program *control_read_task(const app *self, const char *path, lg_policy_task 
 /* The path of the plant that a task names, to be freed. */
 char *control_plant_path(const app *self, const char *path);
 
-/* Plants that the log of a fit allows as well: machines with parameters from the covariance in the model of
- * lg-identify at `path`, and with each learned number changed by `spread` of its size besides (a standard
- * deviation). The caller destroys them. Ends the command if that is no model of lg-identify, which `why`
- * needs, or has no covariance. */
-void control_draw_plants(const app *self, const char *path, double spread, size_t draws, const char *why,
-                         lg_program **out);
 /* Adds the task's draws to the policy: machines from the covariance of the fit whose model is the file
  * `path`, with the task's spread besides. Ends the command if that is no model of lg-identify. */
 void control_add_draws(const app *self, lg_policy *policy, const char *path);
 
-/* Errors of the model for a certificate (model_error.c): of each state's rate (`held`: of the next state)
- * three standard deviations over plants that control_draw_plants draws, at the worst of random states
- * within `high` of the goal and of inputs in their limits. */
+/* Errors of the model for a certificate: of each state's rate (`held`: of the next state) three standard
+ * deviations over plants that are drawn in this way, at the worst of random states within `high` of the goal
+ * and of inputs in their limits. */
 void control_draw_error(const app *self, lg_policy *policy, const char *plant, bool held, const double *high,
                         double *out);
 
@@ -59,10 +53,6 @@ lg_policy *control_read_policy(const app *self, const char *path);
 /* Whether the states of the certificate have the names of the policy's states (certify.c). */
 bool control_has_states(const lg_policy *policy, const lg_certificate *file);
 
-/* Runs the policy along the set points of a file (reference.c), with the columns t, the tracked coordinates
- * and, if they are there, these coordinates' velocities. Adds the errors to the results as `reference`. */
-void control_follow(const app *self, const lg_policy *policy, const char *path, app_json *out);
-
 /* Lagged inputs among the coordinates of a task, or what lg_policy_create adds to a task. */
 uint32_t control_count_lagged(const lg_policy_task *task, bool remembered);
 /* Prints and writes, as `robustness`, the success of a policy if a number of its machine changes by a factor
@@ -70,39 +60,23 @@ uint32_t control_count_lagged(const lg_policy_task *task, bool remembered);
 void control_tell_robustness(const app *self, const lg_policy *policy, control_machine *machine,
                              uint64_t starts, app_json *out);
 
-/* ---- what runs did (runs.c, plots.c) ---- */
+/* ---- what runs did (runs.c) ---- */
 
 /* Runs from `starts` random starts over the steps of the task. */
 typedef struct control_runs {
     const lg_policy *policy;
     const lg_policy_task *task;
     lg_policy_runs runs; /* path; of whole runs also motion, input, costs, succeeded */
-    /* After control_find_states: positions and velocities (steps + 1, starts, numbers) */
+    /* After control_show_runs: positions and velocities (steps + 1, starts, numbers) */
     size_t numbers[2];
     double *seen[2];
 } control_runs;
 void control_runs_begin(const lg_policy *policy, uint64_t starts, bool whole, control_runs *out);
-void control_find_states(const app *self, control_runs *runs);
 
-/* A quantity that is told of positions and velocities. */
-typedef struct control_quantity {
-    char name[LG_POLICY_NAME + 16];
-    lg_policy_motion motion;
-    bool velocity;
-    uint32_t first, count;  /* of the positions or velocities: index of the first number, how many */
-    uint32_t error, errors; /* in z: of the whole position or velocity */
-    double goal[9];
-    double start[2]; /* range of the starts, from the goal */
-} control_quantity;
-/* The positions and velocities of a task. */
-size_t control_list_quantities(const lg_policy_task *task, control_quantity *out);
-
-/* Writes a row for each period of each run: start, t, positions and velocities, inputs, cost of the period.
- * The last row of a run has no inputs and no cost. */
-void control_write_runs(const app *self, const control_runs *runs, const char *path);
-/* Draws three panels: the motion of the first 40 runs, the starts of all runs, and the inputs of the first 8
- * runs. */
-void control_draw_runs(const app *self, const control_runs *runs);
+/* With a path, writes a row for each period of each run: start, t, positions and velocities, inputs, cost of
+ * the period; the last row of a run has no inputs and no cost. With --plot, draws three panels: the motion of
+ * the first 40 runs, the starts of all runs, and the inputs of the first 8 runs. */
+void control_show_runs(const app *self, control_runs *runs, const char *path);
 
 /* Evaluates the policy from random starts; `runs` may be NULL. */
 lg_policy_outcome control_evaluate(const app *self, const lg_policy *policy, lg_policy_test mode,

@@ -1,7 +1,10 @@
 /* lg-control evaluate: judges a policy by runs. */
+#include <math.h>
 #include <string.h>
 
+#include "control/policy.h"
 #include "lg-control/control_app.h"
+#include "liegrad/table.h"
 
 typedef struct evaluate_values {
     const char *plant, *disturb, *reference, *out;
@@ -98,11 +101,8 @@ static void tell_worst(app_json *out, const lg_policy *policy, const lg_policy_o
 /* The time of a call of `control` in the library, microseconds. */
 static double time_control(const app *self, const lg_policy *policy) {
     enum { CALLS = 20000 };
-    const lg_program *program = lg_policy_program(policy);
     lg_plan *plan = NULL;
-    size_t at;
-    APP_MUST(self, lg_program_find(program, "control", &at, &error));
-    APP_MUST(self, lg_plan_create(program, at, NULL, &plan, &error));
+    APP_MUST(self, lg_policy_plan(policy, "control", LG_F64, 1, &plan, &error));
     APP_FREE double *x = app_alloc(lg_plan_input_count(plan, 0), sizeof *x);
     APP_FREE double *u = app_alloc(lg_plan_output_count(plan, 0), sizeof *u);
     APP_FREE void *work = app_alloc(lg_plan_work_size(plan), 1);
@@ -113,16 +113,142 @@ static double time_control(const app *self, const lg_policy *policy) {
     return (app_seconds() - begun) / CALLS * 1e6;
 }
 
-static bool told(void) {
-    return values.out != NULL || app_plot_given.plot != NULL;
+/* ---- a run along set points ---- */
+
+typedef struct following {
+    const app *self;
+    const lg_policy *policy;
+    const lg_policy_task *task;
+    size_t positions, velocities, numbers; /* numbers: in `reference` */
+    uint32_t place[LG_POLICY_COORDINATES]; /* of a tracked coordinate: of its position, and velocity */
+    const char *column[2 * LG_POLICY_COORDINATES + 1];
+    uint32_t tracked, columns;
+    lg_table_data table; /* time, set points, then their rates if the file has them */
+} following;
+
+static void lay_out(following *f, const char *path) {
+    APP_CLEAN(lg_table_names_destroy) lg_table_names names = {.count = 0};
+    bool rates = true;
+    f->column[f->columns++] = "t";
+    for (uint32_t i = 0; i < f->task->coordinate_count; i++) {
+        const lg_policy_coordinate *c = &f->task->coordinate[i];
+        if (c->motion > LG_POLICY_ANGLE)
+            app_stop(f->self, LG_UNSUPPORTED,
+                     "--reference: %s is a %s; runs along set points are for lines and angles", c->name,
+                     lg_policy_motion_row_of(c->motion)->name);
+        f->positions++;
+        f->velocities += c->velocity[0] != '\0';
+        if (!c->track) continue;
+        f->place[f->tracked++] = i;
+        f->column[f->columns++] = c->name;
+    }
+    if (f->tracked == 0)
+        app_stop(f->self, LG_FORMAT,
+                 "--reference: the policy's task tracks no coordinate; give it track: [NAME]");
+    f->numbers = f->tracked * (f->velocities > 0 ? 2 : 1);
+    APP_MUST_FILE(f->self, path, lg_table_names_read(f->self->context, path, NULL, &names, &error));
+    for (uint32_t k = 0; k < f->tracked; k++) {
+        const char *wanted = f->task->coordinate[f->place[k]].velocity;
+        bool found = false;
+        for (uint32_t i = 0; i < names.count; i++) found = found || strcmp(names.name[i], wanted) == 0;
+        rates = rates && found && wanted[0] != '\0';
+    }
+    for (uint32_t k = 0; rates && k < f->tracked; k++)
+        f->column[f->columns++] = f->task->coordinate[f->place[k]].velocity;
+    APP_MUST_FILE(
+        f->self, path,
+        lg_table_read(f->self->context, path, f->column, f->columns, NULL, NULL, &f->table, &error));
+    for (size_t i = 0; i < f->table.rows * f->columns; i++)
+        if (!isfinite(f->table.values[i]))
+            app_stop(f->self, LG_FORMAT, "%s: %s %zu: column %s has no number", path, f->table.place,
+                     f->table.line[i / f->columns], f->column[i % f->columns]);
+    for (size_t i = 1; i < f->table.rows; i++)
+        if (!(f->table.values[i * f->columns] > f->table.values[(i - 1) * f->columns]))
+            app_stop(f->self, LG_FORMAT, "%s: %s %zu: the time t does not increase", path, f->table.place,
+                     f->table.line[i]);
 }
 
-static void show_runs(const app *self, control_runs *runs) {
-    if (!told()) return;
-    control_find_states(self, runs);
-    if (values.out != NULL) control_write_runs(self, runs, values.out);
-    control_draw_runs(self, runs);
+/* Straight lines between the rows. Without columns of rates the rates are 0. *row: where to begin. */
+static void reference_at(const following *f, double t, size_t *row, double *out) {
+    const double *all = f->table.values;
+    const size_t n = f->columns, last = f->table.rows - 1;
+    while (*row < last && all[(*row + 1) * n] <= t) ++*row;
+    const double *a = all + *row * n, *b = *row < last ? a + n : a;
+    const double part = b > a ? (t - a[0]) / (b[0] - a[0]) : 0;
+    memset(out, 0, f->numbers * sizeof *out);
+    for (size_t i = 1; i < n; i++) out[i - 1] = a[i] + part * (b[i] - a[i]);
 }
+
+/* The functions of a run; without velocities the state is the positions, and there are only two. */
+enum { TRACK, PERIOD, POSITIONS, VELOCITIES, FUNCTIONS };
+
+typedef struct sums {
+    double square, largest;
+} sums;
+
+static void run_along(const following *f, lg_plan *const *plan, double *x, void *work, sums *sum,
+                      double *saturated) {
+    const double begin = f->table.values[0], end = f->table.values[(f->table.rows - 1) * f->columns];
+    const size_t steps = (size_t)((end - begin) / f->task->period) + 1, nq = f->positions;
+    double seen[2 * LG_POLICY_COORDINATES] = {0}, reference[2 * LG_POLICY_COORDINATES], u[LG_POLICY_INPUTS];
+    double *next = x + lg_plan_input_count(plan[PERIOD], 0);
+    size_t row = 0;
+    for (size_t i = 0; i < nq; i++) seen[i] = f->task->coordinate[i].goal[0];
+    reference_at(f, begin, &row, reference);
+    for (uint32_t k = 0; k < f->tracked; k++) seen[f->place[k]] = reference[k];
+    APP_MUST(f->self, lg_policy_states_at(f->policy, seen, seen + nq, 1, x, &error));
+    for (size_t s = 0; s < steps; s++) {
+        reference_at(f, begin + (double)s * f->task->period, &row, reference);
+        for (uint32_t k = 0; k < f->tracked; k++) {
+            const double off = fabs(seen[f->place[k]] - reference[k]);
+            sum[k].square += off * off / (double)steps;
+            sum[k].largest = off <= sum[k].largest ? sum[k].largest : off;
+        }
+        lg_plan_eval(plan[TRACK], (const void *[]){seen, reference}, (void *[]){u}, work);
+        if (lg_policy_at_limit(f->policy, u)) *saturated += 1 / (double)steps;
+        lg_plan_eval(plan[PERIOD], (const void *[]){x, u}, (void *[]){next}, work);
+        memcpy(x, next, lg_plan_input_count(plan[PERIOD], 0) * sizeof *x);
+        if (f->velocities > 0) {
+            lg_plan_eval(plan[POSITIONS], (const void *[]){x}, (void *[]){seen}, work);
+            lg_plan_eval(plan[VELOCITIES], (const void *[]){x}, (void *[]){seen + nq}, work);
+        } else {
+            memcpy(seen, x, nq * sizeof *x);
+        }
+    }
+}
+
+static void tell_errors(const following *f, app_json *out, const sums *sum, double saturated) {
+    app_result_line(out, "along the set points:");
+    app_json_open(out, "reference", '{');
+    for (uint32_t k = 0; k < f->tracked; k++) {
+        const char *name = f->task->coordinate[f->place[k]].name;
+        APP_FREE char *rms = app_format("%s_rms", name), *largest = app_format("%s_largest", name);
+        app_result_real(out, rms, sqrt(sum[k].square), "of the distance from the set point");
+        app_result_real(out, largest, sum[k].largest, NULL);
+    }
+    app_result_real(out, "saturated", saturated, "share of the periods with an input at a limit");
+    app_json_close(out, '}');
+}
+
+/* Runs the policy along the set points of a file, with the columns t, the tracked coordinates and, if they
+ * are there, these coordinates' velocities. Adds the errors to the results as `reference`. */
+static void follow(const app *self, const lg_policy *policy, const char *path, app_json *out) {
+    static const char *const names[FUNCTIONS] = {"track", "period", "positions", "velocities"};
+    following f = {.self = self, .policy = policy, .task = lg_policy_task_of(policy)};
+    APP_CLEAN(lg_policy_plans_destroy) lg_policy_plans plans;
+    sums sum[LG_POLICY_COORDINATES] = {{0, 0}};
+    double saturated = 0;
+    lay_out(&f, path);
+    APP_MUST(self, lg_policy_plans_create(policy, false, names, f.velocities > 0 ? FUNCTIONS : POSITIONS,
+                                          LG_F64, 1, &plans, &error));
+    APP_FREE double *x = app_alloc(2 * lg_plan_input_count(plans.plan[PERIOD], 0), sizeof *x);
+    APP_FREE void *work = app_alloc(plans.work, 1);
+    run_along(&f, plans.plan, x, work, sum, &saturated);
+    tell_errors(&f, out, sum, saturated);
+    lg_table_data_destroy(&f.table);
+}
+
+/* ---- the command ---- */
 
 static void run(app *self) {
     lg_policy *policy = NULL;
@@ -131,12 +257,13 @@ static void run(app *self) {
                   lg_policy_load(self->context, self->arguments[0], NULL, &policy, NULL, &error));
     policy = values.plant != NULL ? other_plant(self, policy) : refined(self, policy);
     control_runs runs;
-    control_runs_begin(policy, values.starts, told(), &runs);
+    const bool whole = values.out != NULL || app_plot_given.plot != NULL;
+    control_runs_begin(policy, values.starts, whole, &runs);
     const lg_policy_outcome own = control_evaluate(self, policy, LG_POLICY_NOMINAL, values.starts, self->seed,
                                                    &runs.runs),
                             regulator = control_evaluate(self, policy, LG_POLICY_REGULATED, values.starts,
                                                          self->seed, NULL);
-    show_runs(self, &runs);
+    if (whole) control_show_runs(self, &runs, values.out);
     if (values.disturb != NULL) {
         disturb(self, policy);
         rough = control_evaluate(self, policy, LG_POLICY_DISTURBED, values.starts, self->seed, NULL);
@@ -151,7 +278,7 @@ static void run(app *self) {
         APP_FREE char *heading = app_format("with the disturbances of %s", values.disturb);
         control_tell_outcome(out, "disturbed", heading, &rough);
     }
-    if (values.reference != NULL) control_follow(self, policy, values.reference, out);
+    if (values.reference != NULL) follow(self, policy, values.reference, out);
     lg_policy_destroy(policy);
 }
 
@@ -159,7 +286,7 @@ const app_command control_evaluate_command = {
     .name = "evaluate",
     .arguments = "POLICY.h5",
     .summary = "Score a policy by runs from random starts",
-    .details = "Beside it stands the saturated regulator alone (lqr). --plant scores on another machine than "
+    .details = "The saturated regulator alone (lqr) is scored too. --plant scores on another machine than "
                "the one that the policy was trained with, for example the true one of a simulation.",
     APP_DRAWS("the motion of some runs, which starts succeed, and inputs"),
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),

@@ -4,7 +4,7 @@
 #define LG_APPS_BEAM_H
 
 #include "common/app.h"
-#include "liegrad/elastica.h"
+#include "elastica/elastica.h"
 #include "liegrad/settings.h"
 
 extern const app_command elastica_solve_command, elastica_generate_command, elastica_evaluate_command,
@@ -28,7 +28,8 @@ extern const lg_field beam_rows[], end_rows[], boundary_rows[];
 #define BEAM_CASE(type, ...) LG_OPTION(type, kind, NAME, NULL, __VA_ARGS__, .option = "case")
 #define CONTINUOUS(type)                                                                                     \
     LG_OPTION(type, continuous, SWITCH, NULL,                                                                \
-              "Solve the differential equation instead of the discrete problem", .usual = true)
+              "Solve the differential equation instead of the discrete problem", .usual = true,              \
+              .without = "branches,sweep")
 #define BEAM     APP_GIVEN(beam_rows, beam_given) /* length, stiffness, intervals */
 #define ENDS     APP_GIVEN(end_rows, beam_given)
 #define BOUNDARY APP_GIVEN(boundary_rows, beam_given)
@@ -50,8 +51,6 @@ lg_elastica beam_problem(const app *app);
 void boundary_read(const app *app, const lg_elastica *problem, lg_elastica_case kind, boundary *out);
 /* Sets all possible rotations for a pair of end angles. */
 void boundary_rotations(double theta0, double thetaN, boundary *out);
-/* An angle wrapped to (-pi, pi]. */
-double wrap_angle(double angle);
 /* Writes the boundary conditions as a vector: q0, v0, qN, vN. */
 void boundary_vector(const lg_elastica *problem, double x[8]);
 
@@ -91,20 +90,9 @@ double beam_distance(const beam_curve *a, const beam_curve *b);
 /* Writes a CSV file with the columns s,x,y,vx,vy,theta; `numbered` puts a column `branch` first. Writes
  * nothing if `path` is NULL. */
 const char *curves_head(bool numbered); /* the line of the column names */
-#define SWEEP_HEAD "branch,x,energy,negative_eigenvalues,rotation"
 void write_curves(const app *app, const char *path, const beam_curve *curves, size_t count, bool numbered);
 /* Writes q, v and theta. For people it prints a table of about ten nodes, or of all nodes. */
 void result_nodes(app_json *out, const beam_nodes *nodes, bool all);
-
-/* lg-elastica solve --sweep (sweep.c). `problem` has everything but the end angles, which depend on x. */
-typedef struct sweep_values {
-    size_t points;
-    lg_elastica problem;
-    lg_elastica_case kind;
-    bool saddles;
-    const char *out;
-} sweep_values;
-void sweep_run(const app *app, const sweep_values *values, const lg_elastica_options *options);
 
 /* ---- plots ---- */
 

@@ -4,7 +4,6 @@
 
 #include "lg-elastica/beam.h"
 
-static const double pi = 3.14159265358979323846;
 static const double rotation_tolerance = 1e-9; /* radians */
 
 const char *const case_names[] = {"both-ends", "right-end", NULL};
@@ -31,23 +30,18 @@ const lg_field boundary_rows[] = {
     BEAM_CASE(beam_values,
               "both-ends (theta0 = x, theta(L) = -x) or right-end (theta0 = 0, theta(L) = -x), x "
               "wrapped to (-pi, pi] (default both-ends; of a model: the family trained on)",
-              .usual = true, .names = case_names),
+              .usual = true, .names = case_names, .without = "theta0,thetaN"),
     LG_OPTION(beam_values, x, REAL, "X", "The case's parameter, radians", .usual = true, .low = -1e6,
-              .high = 1e6),
+              .high = 1e6, .without = "theta0,thetaN"),
     LG_OPTION(beam_values, theta0, REAL, "A", "Instead of --case and --x: tangent angle at s = 0, radians",
               .option = "theta0", .usual = true, .low = -1e6, .high = 1e6),
     LG_OPTION(beam_values, thetaN, REAL, "B", "With --theta0: tangent angle at s = L, radians",
-              .option = "thetaN", .usual = true, .low = -1e6, .high = 1e6),
+              .option = "thetaN", .usual = true, .low = -1e6, .high = 1e6, .needs = "theta0"),
     LG_OPTION(beam_values, rotation, REAL, "R",
               "Turning of the tangent along the beam: B - A plus whole turns (default: of B - A wrapped to "
               "(-pi, pi], one turn more and one less, the one with the lowest energy)",
               .low = -1e6, .high = 1e6),
     LG_FIELD_END};
-
-double wrap_angle(double angle) {
-    const double w = remainder(angle, 2 * pi);
-    return w <= -pi ? w + 2 * pi : w;
-}
 
 void boundary_vector(const lg_elastica *problem, double x[8]) {
     const double end = problem->theta0 + problem->rotation;
@@ -61,8 +55,8 @@ void boundary_vector(const lg_elastica *problem, double x[8]) {
 
 void boundary_rotations(double theta0, double thetaN, boundary *out) {
     static const double turns[BOUNDARY_ROTATIONS] = {0, -1, 1};
-    const double middle = wrap_angle(thetaN - theta0);
-    for (size_t k = 0; k < BOUNDARY_ROTATIONS; k++) out->rotation[k] = middle + 2 * pi * turns[k];
+    const double middle = lg_elastica_wrap(thetaN - theta0);
+    for (size_t k = 0; k < BOUNDARY_ROTATIONS; k++) out->rotation[k] = middle + 2 * LG_PI * turns[k];
     out->count = BOUNDARY_ROTATIONS;
     out->chosen = (double)NAN;
     out->problem.theta0 = theta0;
@@ -86,20 +80,19 @@ lg_elastica beam_problem(const app *self) {
 
 /* Keeps only the rotation of --rotation, which must be B - A + 2 pi k for a whole number k. */
 static void fix_rotation(const app *self, double wanted, boundary *out) {
-    const double turns = round((wanted - out->rotation[0]) / (2 * pi));
-    const double nearest = out->rotation[0] + 2 * pi * turns;
+    const double turns = round((wanted - out->rotation[0]) / (2 * LG_PI));
+    const double nearest = out->rotation[0] + 2 * LG_PI * turns;
     if (!(fabs(wanted - nearest) <= rotation_tolerance))
         app_stop_usage(self,
                        "--rotation: %.12g does not lead from the first angle to the second; the nearest "
                        "rotations that do are %.12g and %.12g",
-                       wanted, nearest, nearest + (wanted > nearest ? 2 * pi : -2 * pi));
+                       wanted, nearest, nearest + (wanted > nearest ? 2 * LG_PI : -2 * LG_PI));
     out->count = 1;
     out->rotation[0] = out->chosen = out->problem.rotation = nearest;
 }
 
 static void read_angles(const app *self, boundary *out) {
     const bool last = app_given(self, "thetaN");
-    if (!app_given(self, "theta0")) app_stop_usage(self, "--theta0 A is missing");
     if (!last && !app_given(self, "rotation")) app_stop_usage(self, "--thetaN B is missing");
     boundary_rotations(beam_given.theta0, last ? beam_given.thetaN : beam_given.theta0 + beam_given.rotation,
                        out);
@@ -116,11 +109,8 @@ static void read_case(const app *self, lg_elastica_case kind, boundary *out) {
 
 void boundary_read(const app *self, const lg_elastica *problem, lg_elastica_case kind, boundary *out) {
     const bool family = app_given(self, "case") || app_given(self, "x");
-    const bool angles = app_given(self, "theta0") || app_given(self, "thetaN");
     *out = (boundary){.problem = *problem};
-    if (family && angles)
-        app_stop_usage(self, "--case with --x and --theta0 with --thetaN cannot be given together");
-    if (!family && !angles)
+    if (!family && !app_given(self, "theta0"))
         app_stop_usage(self, "no boundary conditions: give --case and --x, or --theta0 and --thetaN");
     read_ends(self, &out->problem);
     if (family)

@@ -183,7 +183,7 @@ static void compute(const app *self, prediction *p) {
     p->seconds = lg_median(seconds, TIMED);
     for (size_t i = 0; i < at->count; i++) {
         const double angle = atan2(at->v[2 * i + 1], at->v[2 * i]);
-        at->theta[i] = i > 0 ? at->theta[i - 1] + wrap_angle(angle - at->theta[i - 1]) : angle;
+        at->theta[i] = i > 0 ? at->theta[i - 1] + lg_elastica_wrap(angle - at->theta[i - 1]) : angle;
     }
     for (size_t i = 0; i < 2 * at->count; i++)
         if (!isfinite(at->q[i]) || !isfinite(at->v[i]))

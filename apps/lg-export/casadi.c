@@ -300,7 +300,7 @@ static void build(const app *self, const char *path, lg_program *program, export
     static const char *const usual[] = {"value", "field", "velocity", "step", NULL};
     job j = {.self = self, .program = program, .source = source, .symbols = app_text()};
     export_names functions, list = {.count = 0};
-    const char *derived[EXPORT_MOST_NAMES][DERIVATIVES];
+    const char *derived[LG_PROGRAM_MAX_FUNCTIONS][DERIVATIVES];
     export_choose(self, source->options, program, usual, &functions);
     for (size_t i = 0; i < functions.count; i++) derive(&j, functions.name[i], derived[i], &list);
     source->prefix = "c_";

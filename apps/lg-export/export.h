@@ -23,6 +23,7 @@
 #ifndef LG_EXPORT_H
 #define LG_EXPORT_H
 
+#include "autodiff/program/program.h"
 #include "common/app.h"
 #include "core/text.h"
 #include "liegrad/files.h"
@@ -275,9 +276,8 @@ void export_program(const app *self, const char *path, export_source *source);
 void export_policy(const app *self, const char *path, export_source *source);
 void export_policy_words(const app *self, const char *path, export_source *source);
 /* Names of functions of a program, each once; the program owns them. */
-enum { EXPORT_MOST_NAMES = 256 }; /* as many as a program may have functions */
 typedef struct export_names {
-    const char *name[EXPORT_MOST_NAMES];
+    const char *name[LG_PROGRAM_MAX_FUNCTIONS];
     size_t count;
 } export_names;
 /* Adds a function's name. False: the program has no such function. */

@@ -1,7 +1,10 @@
 #include "lg-export/graph.h"
-#include "autodiff/program/program.h"
 
 #include <string.h>
+
+#include "core/clean.h"
+
+LG_AT(lg_program_destroy, lg_program)
 
 enum { MOST_PORTS = LG_PROGRAM_MAX_PORTS };
 
@@ -12,14 +15,12 @@ static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg
     return lg_program_record(tape, g->program, g->function, theta, in, out);
 }
 
-/* Adds the function once more, recorded without calls and loops, and takes its operations. */
-static lg_status take_operations(graph *g, lg_program *program, lg_error *error) {
-    char name[48];
-    const size_t number = lg_program_functions(program);
-    (void)snprintf(name, sizeof name, "export_operations_%zu", number);
-    const lg_function_spec flat = {name, g->inputs, g->input_count, g->outputs, g->output_count, record, g};
-    LG_TRY(lg_program_record_function(program, &flat, true, error));
-    LG_TRY(lg_function_image_create(program, number, &g->image));
+/* Records the function without calls and loops in a program of its own, and takes its operations. */
+static lg_status take_operations(graph *g, lg_error *error) {
+    const lg_function_spec flat = {"flat", g->inputs, g->input_count, g->outputs, g->output_count, record, g};
+    LG_TRY(lg_program_bare(g->program, &g->flat, error));
+    LG_TRY(lg_program_record_function(g->flat, &flat, true, error));
+    LG_TRY(lg_function_image_create(g->flat, 0, &g->image));
     g->count = g->image->operation_count;
     g->results = g->image->results;
     g->nodes = app_keep(g->count, sizeof *g->nodes);
@@ -50,17 +51,16 @@ static void mark(graph *g) {
     }
 }
 
-/* Computes constants, as the outputs of a function that is added to the program. */
-static lg_status compute(graph *g, lg_program *program, const uint32_t *which, size_t count,
-                         lg_error *error) {
-    char name[48], names[MOST_PORTS][32];
+/* Computes constants, as the outputs of a function in a program of its own. */
+static lg_status compute(graph *g, const uint32_t *which, size_t count, lg_error *error) {
+    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
+    char names[MOST_PORTS][32];
     const double *in[MOST_PORTS];
     double *out[MOST_PORTS];
     lg_port outputs[MOST_PORTS];
     lg_function_image image = *g->image;
     size_t largest = 1;
-    (void)snprintf(name, sizeof name, "export_constants_%zu", lg_program_functions(program));
-    image.name = name, image.results = which, image.outputs = outputs, image.output_count = count;
+    image.results = which, image.outputs = outputs, image.output_count = count;
     for (size_t i = 0; i < g->input_count; i++)
         if (lg_shape_count(g->inputs[i].shape) > largest) largest = lg_shape_count(g->inputs[i].shape);
     APP_FREE double *zeros = app_alloc(largest, sizeof *zeros);
@@ -73,33 +73,35 @@ static lg_status compute(graph *g, lg_program *program, const uint32_t *which, s
         n->count = lg_shape_count(outputs[i].shape);
         out[i] = n->values = app_keep(n->count, sizeof *n->values);
     }
+    LG_TRY(lg_program_bare(g->program, &program, error));
     LG_TRY(lg_program_add_image(program, &image, error));
-    return lg_program_eval(NULL, program, name, 1, in, out, error);
+    return lg_program_eval(NULL, program, image.name, 1, in, out, error);
 }
 
-/* Computes all constants that are needed, at most MOST_PORTS of them per added function. */
-static lg_status fold(graph *g, lg_program *program, lg_error *error) {
+/* Computes all constants that are needed, at most MOST_PORTS of them per function. */
+static lg_status fold(graph *g, lg_error *error) {
     APP_FREE uint32_t *which = app_alloc(g->count, sizeof *which);
     size_t count = 0;
     for (size_t k = 0; k < g->count; k++)
         if (g->nodes[k].needed && !g->nodes[k].varies) which[count++] = (uint32_t)k;
     lg_status status = LG_OK;
     for (size_t at = 0; at < count && status == LG_OK; at += MOST_PORTS)
-        status = compute(g, program, which + at, count - at < MOST_PORTS ? count - at : MOST_PORTS, error);
+        status = compute(g, which + at, count - at < MOST_PORTS ? count - at : MOST_PORTS, error);
     return status;
 }
 
 /* ---- the graph ---- */
 
-lg_status graph_make(lg_program *program, size_t function, graph *out, lg_error *error) {
+lg_status graph_make(const lg_program *program, size_t function, graph *out, lg_error *error) {
     *out = (graph){.program = program, .function = function};
     out->inputs = lg_program_inputs(program, function, &out->input_count);
     out->outputs = lg_program_outputs(program, function, &out->output_count);
-    LG_TRY(take_operations(out, program, error));
+    LG_TRY(take_operations(out, error));
     mark(out);
-    return fold(out, program, error);
+    return fold(out, error);
 }
 
 void graph_free(graph *g) {
     lg_function_image_destroy(g->image);
+    lg_program_destroy(g->flat);
 }

@@ -23,11 +23,12 @@ typedef struct graph {
     graph_node *nodes;
     size_t count;
     const uint32_t *results; /* (output_count) */
+    lg_program *flat;        /* has the function without calls and loops */
     lg_function_image *image;
 } graph;
 
-/* Adds functions to the program. Errors: those of lg_program_add_function and lg_plan_create. */
-lg_status graph_make(lg_program *program, size_t function, graph *out, lg_error *error);
+/* Errors: those of lg_program_add_function and lg_plan_create. */
+lg_status graph_make(const lg_program *program, size_t function, graph *out, lg_error *error);
 void graph_free(graph *g);
 
 #endif

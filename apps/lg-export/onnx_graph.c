@@ -146,12 +146,15 @@ onnx_name onnx_join(onnx_job *j, const onnx_name *x, size_t count, int64_t axis)
     return onnx_emit(j, "Concat", x, count, &along);
 }
 
-/* Returns the value that holds the number of rows, shape (1); adds it when it is first needed. */
+/* Returns the value that holds the number of rows, shape (1); adds it when it is first needed. It is the first
+ * dimension of an input that has rows. */
 static onnx_name batch_of(onnx_job *j) {
     const onnx_name batch = {"/batch"};
+    const lg_port *port = j->g->inputs;
     onnx_name input;
     if (j->has_batch) return batch;
-    (void)snprintf(input.text, sizeof input.text, "%s", j->g->inputs[0].name);
+    while (port->shared && port + 1 < j->g->inputs + j->g->input_count) port++;
+    (void)snprintf(input.text, sizeof input.text, "%s", port->name);
     const onnx_name shape = onnx_unary(j, "Shape", input);
     const onnx_name first = onnx_wholes(j, (int64_t[]){0}, 1);
     onnx_emit_to(j, batch.text, "Gather", (onnx_name[]){shape, first}, 2, NULL, 0);

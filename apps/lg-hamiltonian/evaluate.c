@@ -91,6 +91,17 @@ static void draw(const app *self, const lg_hamiltonian *model, const lg_trajecto
                       predicted, test->count < drawn ? test->count : drawn, test->points);
 }
 
+/* Writes a finite verdict and a description of the test set into the model file. */
+static lg_status record(const app *self, lg_hamiltonian_file *file, const lg_trajectories *test,
+                        const verdict *result, lg_error *error) {
+    file->has_e1 = true, file->e1 = result->e1;
+    file->has_e2 = test->hamiltonian != NULL, file->e2 = result->e2;
+    file->test = (lg_test_set){
+        .trajectories = test->count, .points = test->points, .t_end = test->t[test->points - 1] - test->t[0]};
+    memcpy(file->test.sha256, test->sha256, sizeof test->sha256);
+    return lg_hamiltonian_save_errors(self->context, self->arguments[0], file, error);
+}
+
 static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_trajectories *test) {
     verdict result;
     const lg_hamiltonian *model = &file->run.model;
@@ -105,11 +116,9 @@ static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_traject
     const double seconds = app_seconds() - begin;
     const int code = check_finite(self, test, &result);
     lg_error why = {LG_OK, ""};
-    lg_status recorded = LG_OK;
-    if (code == APP_EXIT_OK && values.record)
-        recorded =
-            record_verdict(self->context, self->arguments[0], &file->run, file->theta, test, &result, &why);
-    report(self, test, &result, values.record && code == APP_EXIT_OK && recorded == LG_OK, seconds);
+    const bool records = code == APP_EXIT_OK && values.record;
+    const lg_status recorded = records ? record(self, file, test, &result, &why) : LG_OK;
+    report(self, test, &result, records && recorded == LG_OK, seconds);
     app_result_end(self);
     app_must_file(self, recorded, &why, self->arguments[0]);
     return code;

@@ -71,22 +71,6 @@ static double energy_error(const lg_model *learned, const lg_trajectories *test)
     return error / (double)test->count;
 }
 
-lg_status record_verdict(const lg_context *context, const char *path, const lg_hamiltonian_run *run,
-                         double *theta, const lg_trajectories *test, const verdict *result, lg_error *error) {
-    lg_hamiltonian_file file = {.run = *run,
-                                .parameters = lg_hamiltonian_parameters(&run->model),
-                                .theta = theta,
-                                .has_e1 = true,
-                                .e1 = result->e1,
-                                .has_e2 = test->hamiltonian != NULL,
-                                .e2 = result->e2,
-                                .test = {.trajectories = test->count,
-                                         .points = test->points,
-                                         .t_end = test->t[test->points - 1] - test->t[0]}};
-    memcpy(file.test.sha256, test->sha256, sizeof test->sha256);
-    return lg_hamiltonian_save_errors(context, path, &file, error);
-}
-
 /* Mean of the squared differences; each trajectory's are added first. */
 static double mean_square(const lg_trajectories *test, const double *predicted) {
     const size_t size = test->points * test->state_dim;

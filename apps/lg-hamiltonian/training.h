@@ -12,7 +12,7 @@
 extern const app_command hamiltonian_generate_command, hamiltonian_evaluate_command,
     hamiltonian_predict_command, hamiltonian_study_command;
 
-/* ---- sampling (sample.c) ---- */
+/* ---- sampling (generate.c) ---- */
 
 /* Family and number of copies n of the Hamiltonian that is learned for a scene. The scene must have been read
  * with the form FORM. LG_UNSUPPORTED: such a system cannot be learned. */
@@ -22,14 +22,7 @@ lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **fami
 
 /* The options of lg_system_generate that the scene gives; NULL: the defaults. */
 lg_trajectory_options sample_options(const lg_scene *scene);
-/* Samples trajectories of the scene's system, with the energies of the starts. sample_create allocates all
- * trajectories and sets their times; the caller frees them. sample_part computes `count` trajectories from
- * number `first` on; it may be called from any thread. A scene NULL: the motion of data->constraint. */
-lg_status sample_create(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
-                        lg_trajectories *out, lg_error *error);
-lg_status sample_part(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
-                      size_t first, size_t count, lg_trajectories *data, lg_error *error);
-/* Calls sample_create, and sample_part for all trajectories. */
+/* Samples trajectories of the scene's system, with the energies of the starts. */
 lg_status sample_scene(const lg_context *context, const lg_scene *scene, const lg_trajectory_options *how,
                        lg_trajectories *out, lg_error *error);
 /* ---- judging (judge.c) ---- */
@@ -58,10 +51,6 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
  * trajectories; relative_worst: largest geometric mean of a single trajectory. test->truth must be known.
  * Errors as of lg_system_observe. */
 lg_status judge_relative(const lg_trajectories *test, const double *predicted, verdict *out, lg_error *error);
-/* Writes a finite verdict and a description of the test set into the model file at `path`, which holds this
- * run and theta. Everything else in the file stays as it is. */
-lg_status record_verdict(const lg_context *context, const char *path, const lg_hamiltonian_run *run,
-                         double *theta, const lg_trajectories *test, const verdict *result, lg_error *error);
 
 /* ---- drawing (plots.c) ---- */
 

@@ -33,6 +33,7 @@ typedef struct adapting {
     size_t cut;                  /* first row of the rest */
     size_t *first, cut_parts;    /* parts of the log, of which the one with the cut is divided */
     lg_machine_log begin, whole; /* the rows before the cut; all rows, with these parts */
+    identify_runs rest;          /* of `whole`, from the cut */
     double x[LG_ADAPT_MOST], error[LG_ADAPT_MOST], alone[LG_ADAPT_MOST];
     uint32_t window;
     bool kept; /* the model as it is: the beginning shows no change */
@@ -81,6 +82,11 @@ static void divide(const app *self, adapting *a) {
     a->whole.parts = parts - 1;
     a->begin.parts = a->cut_parts;
     a->begin.rows = a->cut;
+    a->rest = identify_runs_begin(&a->given.model, &a->whole, 0);
+    const size_t count = a->rest.count;
+    a->rest.count = 0;
+    for (size_t i = 0; i < count; i++)
+        if (a->rest.start[i] >= a->cut) a->rest.start[a->rest.count++] = a->rest.start[i];
 }
 
 /* ---- standard deviations of offsets ---- */
@@ -91,14 +97,11 @@ static void find_forces(const app *self, const adapting *a, double *force) {
     const lg_learned_machine *model = &a->given.model;
     const lg_machine *machine = model->machine;
     const size_t nv = machine->velocities, rows = a->cut;
-    APP_FREE size_t *start = app_alloc(a->begin.parts, sizeof *start);
-    APP_FREE double *q = app_alloc(rows * machine->positions, sizeof *q);
-    APP_FREE double *v = app_alloc(rows * nv, sizeof *v);
     APP_FREE double *friction = app_alloc(rows * nv, sizeof *friction);
-    const size_t count = identify_first_rows(model, &a->begin, 0, start);
+    identify_runs runs = identify_runs_begin(model, &a->begin, 0);
     double largest = 0;
-    identify_run_log(self, model, &a->begin, start, count, q, v);
-    identify_values(self, model, rows, q, v, NULL, friction);
+    identify_run_log(self, model, &a->begin, &runs);
+    identify_values(self, model, rows, runs.q, runs.v, NULL, friction);
     for (size_t k = 0; k < nv; k++) {
         double sum = 0;
         size_t counted = 0;
@@ -205,22 +208,17 @@ static void judge(const app *self, adapting *a, const lg_learned_machine *model,
     const lg_machine *machine = model->machine;
     const lg_machine_log *log = &a->whole;
     const size_t nq = machine->positions, nv = machine->velocities;
-    APP_FREE size_t *start = app_alloc(log->parts, sizeof *start);
-    APP_FREE double *q = app_alloc(log->rows * nq, sizeof *q);
-    APP_FREE double *v = app_alloc(log->rows * nv, sizeof *v);
-    size_t count = identify_first_rows(model, log, 0, start), kept = 0;
-    for (size_t i = 0; i < count; i++)
-        if (start[i] >= a->cut) start[kept++] = start[i];
-    identify_run_log(self, model, log, start, kept, q, v);
-    for (size_t i = 0; i < kept; i++) {
-        const size_t end = log->first[lg_machine_log_part(log, start[i]) + 1];
-        for (size_t row = start[i]; row < end && still; row++) {
-            if (row > start[i]) memcpy(q + row * nq, q + start[i] * nq, nq * sizeof *q);
-            memset(v + row * nv, 0, nv * sizeof *v);
+    identify_runs *runs = &a->rest;
+    identify_run_log(self, model, log, runs);
+    for (size_t i = 0; i < runs->count && still; i++) {
+        const size_t first = runs->start[i], end = log->first[lg_machine_log_part(log, first) + 1];
+        for (size_t row = first; row < end; row++) {
+            memmove(runs->q + row * nq, runs->q + first * nq, nq * sizeof *runs->q);
+            memset(runs->v + row * nv, 0, nv * sizeof *runs->v);
         }
     }
-    identify_leave_out(model, log, start, kept, q, v);
-    identify_column_errors(&a->given, q, v, out);
+    identify_leave_out(model, log, runs);
+    identify_column_errors(&a->given, runs, out);
 }
 
 /* ---- results ---- */

@@ -255,17 +255,16 @@ static void whiteness_of(const lg_machine_data *data, const size_t *row, const s
     for (uint32_t c = 0; c < file->column_count; c++) judge_whiteness(x + c * count, row, count, &out[c]);
 }
 
-void identify_run_whiteness(const identify_given *given, const double *q, const double *v,
-                            identify_whiteness *out) {
+void identify_run_whiteness(const identify_given *given, const identify_runs *runs, identify_whiteness *out) {
     const lg_machine_log *log = &given->data.logs.log;
     APP_FREE size_t *row = app_alloc(log->rows, sizeof *row);
     APP_FREE size_t *at = app_alloc(log->rows, sizeof *at);
     size_t count = 0;
     for (size_t i = 1; i < log->rows; i++)
-        if (isfinite(q[i * given->model.machine->positions]) &&
+        if (isfinite(runs->q[i * given->model.machine->positions]) &&
             lg_machine_log_complete(given->model.machine, log, i, true))
             row[count] = i - 1, at[count++] = i;
-    whiteness_of(&given->data, row, at, count, q, v, out);
+    whiteness_of(&given->data, row, at, count, runs->q, runs->v, out);
 }
 
 void identify_balance(const app *self, const identify_given *given, double energy[IDENTIFY_ENERGIES],

@@ -171,7 +171,7 @@ static void run(app *self) {
     warn_of_inputs(self, &data);
     lg_machine_warn_of_gauge(self->context, &data.file.machine);
     identify_draw_run(self, "First run of the log", &data.file, &data.logs.log,
-                      identify_first_run(&data.logs), NULL, NULL, NULL);
+                      identify_first_run(&data.logs), NULL);
     report(self, &data);
 }
 

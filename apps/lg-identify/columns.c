@@ -67,13 +67,59 @@ void identify_to_columns(const lg_machine_file *file, const double *q, const dou
     }
 }
 
-void identify_put_columns(lg_columns *to, const lg_machine_file *file, const double *columns) {
-    for (uint32_t c = 0; c < file->column_count; c++)
-        lg_columns_number(to, c == file->run ? columns[c] : columns[c] / file->columns[c].scale);
+/* ---- runs as a log ---- */
+
+static void put_head(lg_columns *to, const lg_machine_file *file, bool bands) {
+    for (uint32_t c = 0; c < file->column_count; c++) lg_columns_name(to, file->columns[c].name);
+    for (uint32_t c = 0; c < file->column_count && bands; c++) {
+        APP_FREE char *name = app_format("%s.sd", file->columns[c].name);
+        if (identify_is_state(&file->columns[c])) lg_columns_name(to, name);
+    }
+    lg_columns_end(to);
 }
 
-void identify_put_names(lg_columns *to, const lg_machine_file *file) {
-    for (uint32_t c = 0; c < file->column_count; c++) lg_columns_name(to, file->columns[c].name);
+/* False: a state is not finite. */
+static bool put_row(lg_columns *to, const lg_machine_file *file, const double *columns, const double *bands) {
+    bool finite = true;
+    for (uint32_t c = 0; c < file->column_count; c++) {
+        finite = finite && (isfinite(columns[c]) || !identify_is_state(&file->columns[c]));
+        lg_columns_number(to, c == file->run ? columns[c] : columns[c] / file->columns[c].scale);
+    }
+    for (uint32_t c = 0; c < file->column_count && bands != NULL; c++)
+        if (identify_is_state(&file->columns[c]))
+            lg_columns_number(to, bands[c] / fabs(file->columns[c].scale));
+    lg_columns_end(to);
+    return finite;
+}
+
+bool identify_write(const app *self, const char *path, const lg_machine_file *file, const lg_machine_log *log,
+                    const uint32_t *run_of, const identify_runs *runs,
+                    double (*input)(const void *user, size_t part, size_t row, uint32_t input),
+                    const void *user, size_t *rows) {
+    lg_columns to = {.text = app_text()};
+    double columns[LG_LOG_COLUMNS] = {0};
+    bool finite = true;
+    *rows = 0;
+    put_head(&to, file, runs->bands != NULL);
+    for (size_t i = 0; i < runs->count; i++) {
+        const size_t first = runs->start[i], part = lg_machine_log_part(log, first);
+        for (size_t row = first; row < log->first[part + 1]; row++, ++*rows) {
+            identify_to_columns(file, runs->q + row * file->machine.positions,
+                                runs->v + row * file->machine.velocities, row > first ? columns : NULL,
+                                columns);
+            columns[file->time] = log->t[row];
+            if (file->run < file->column_count)
+                columns[file->run] = (double)(run_of != NULL ? run_of[part] : part);
+            for (uint32_t c = 0; c < file->column_count; c++)
+                if (file->columns[c].role == LG_LOG_INPUT)
+                    columns[c] = input(user, part, row, file->columns[c].index);
+            if (!put_row(&to, file, columns,
+                         runs->bands != NULL ? runs->bands + row * file->column_count : NULL))
+                finite = false;
+        }
+    }
+    APP_MUST_FILE(self, path, lg_columns_write(&to, self->context, path, &error));
+    return finite;
 }
 
 /* ---- errors ---- */
@@ -93,9 +139,10 @@ void identify_errors(const lg_machine_file *file, const double *q, const double 
     }
 }
 
-void identify_column_errors(const identify_given *given, const double *q, const double *v, double *out) {
+void identify_column_errors(const identify_given *given, const identify_runs *runs, double *out) {
     const lg_machine_file *file = &given->data.file;
     const lg_machine_log *log = &given->data.logs.log;
+    const double *q = runs->q, *v = runs->v;
     const size_t nq = file->machine.positions, nv = file->machine.velocities;
     double error[LG_LOG_COLUMNS], sum[LG_LOG_COLUMNS] = {0};
     size_t count[LG_LOG_COLUMNS] = {0};
@@ -119,19 +166,6 @@ typedef struct number {
     bool angle, used;
 } number;
 
-bool identify_sees(const lg_machine *machine, int part, uint32_t coordinate) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        for (uint32_t k = 0; k < machine->terms[i].of_count; k++) {
-            const lg_machine_feature *of = &machine->terms[i].of[k];
-            const bool position = of->kind != LG_FEATURE_VELOCITY && of->kind != LG_FEATURE_INPUT &&
-                                  machine->terms[i].part != LG_MACHINE_OFFSET;
-            if (position && of->index == coordinate &&
-                (part == LG_MACHINE_PART_COUNT || part == (int)machine->terms[i].part))
-                return true;
-        }
-    return false;
-}
-
 static void name_numbers(const lg_machine_file *file, number *out) {
     const lg_machine *machine = &file->machine;
     number *position = out, *velocity = out + machine->positions, *input = velocity + machine->velocities;
@@ -144,7 +178,7 @@ static void name_numbers(const lg_machine_file *file, number *out) {
             const bool measured = at->places + at->attitudes > 0;
             const bool same = measured && (k < at->places || at->attitudes != 4);
             const uint32_t column = k < at->places ? at->place + k : at->attitude + k - at->places;
-            position->used = identify_sees(machine, LG_MACHINE_PART_COUNT, i);
+            position->used = lg_machine_sees(machine, LG_MACHINE_PART_COUNT, i);
             position->angle = c->kind == LG_COORDINATE_ANGLE;
             if (same)
                 (void)snprintf(position->name, sizeof position->name, "column %s",
@@ -195,7 +229,7 @@ static void look(const lg_machine_range *range, const number *numbers, const dou
     }
 }
 
-void identify_warn_range(const app *self, const identify_given *given, const double *q, const double *v) {
+void identify_warn_range(const app *self, const identify_given *given, const identify_runs *runs) {
     static const double tolerated = 0.02; /* Relative to the range; covers the noise of a log. */
     const lg_machine_range *range = &given->file.run.range;
     const lg_machine *machine = &given->data.file.machine;
@@ -206,9 +240,9 @@ void identify_warn_range(const app *self, const identify_given *given, const dou
     APP_FREE extent *found = app_alloc(1, sizeof *found);
     name_numbers(&given->data.file, numbers);
     look(range, numbers, log->q, log->rows, nq, nq, 0, found);
-    look(range, numbers, q, log->rows, nq, nq, 0, found);
+    look(range, numbers, runs != NULL ? runs->q : NULL, log->rows, nq, nq, 0, found);
     look(range, numbers, log->v, log->rows, nv, nv, nq, found);
-    look(range, numbers, v, log->rows, nv, nv, nq, found);
+    look(range, numbers, runs != NULL ? runs->v : NULL, log->rows, nv, nv, nq, found);
     look(range, numbers, log->u, log->rows, 4 * m, m, nq + nv, found);
     for (size_t i = 0; i < total; i++) {
         const double low = range->low[i], high = range->high[i];

@@ -1,8 +1,10 @@
 /* lg-identify evaluate: compares free runs of a model with logs. */
 #include <math.h>
+#include <string.h>
 
 #include "common/verbs.h"
 #include "lg-identify/identify.h"
+#include "liegrad/geometry.h"
 
 enum { MOST_HORIZONS = 16 };
 
@@ -34,7 +36,7 @@ typedef struct verdict {
     identify_whiteness whiteness[LG_LOG_COLUMNS];
     double relative, relative_worst; /* NaN: not asked for. */
     identify_offset offsets[LG_MACHINE_COORDINATES];
-    double *q, *v; /* The free run at the rows of the log; owned. */
+    identify_runs runs; /* from the first rows */
 } verdict;
 
 /* ---- report ---- */
@@ -170,6 +172,113 @@ static void report(const app *self, const identify_given *given, const verdict *
     }
 }
 
+/* ---- a linear model to compare the machine with ---- */
+
+/* v' = A (q, v, u, 1), fitted to all rows of the logs on which it is judged. If the logs have no velocities,
+ * its runs are NaN. */
+enum { FEATURES = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS + 1 };
+typedef struct linear_model {
+    const lg_machine *machine;
+    size_t features;
+    double A[LG_MACHINE_VELOCITIES * FEATURES]; /* (velocities, features) */
+} linear_model;
+
+static void input_at(const lg_machine *machine, const lg_machine_log *log, size_t row, double s,
+                     double *out) {
+    const size_t m = machine->input_count;
+    for (size_t k = 0; k < m; k++) {
+        const double *u = log->u + row * 4 * m + k;
+        out[k] = u[0] + s * (u[m] + s * (u[2 * m] + s * u[3 * m]));
+    }
+}
+
+static void fill(const lg_machine *machine, const double *q, const double *v, const double *u, double *x) {
+    memcpy(x, q, machine->positions * sizeof *x);
+    memcpy(x + machine->positions, v, machine->velocities * sizeof *x);
+    x += machine->positions + machine->velocities;
+    if (machine->input_count > 0) memcpy(x, u, machine->input_count * sizeof *x);
+    x[machine->input_count] = 1;
+}
+
+static void fit_linear(const app *self, const lg_machine *machine, const lg_machine_log *log,
+                       linear_model *linear) {
+    double left;
+    *linear = (linear_model){.machine = machine,
+                             .features = machine->positions + machine->velocities + machine->input_count + 1};
+    for (size_t i = 0; i < LG_COUNT(linear->A); i++) linear->A[i] = (double)NAN;
+    APP_MUST(self, lg_machine_unexplained(self->context, machine, log, linear->A, &left, &error));
+}
+
+static void slope(const linear_model *linear, const double *q, const double *v, const double *u, double *dq,
+                  double *dv) {
+    const lg_machine *machine = linear->machine;
+    const size_t nv = machine->velocities;
+    double x[FEATURES];
+    fill(machine, q, v, u, x);
+    for (size_t k = 0; k < nv; k++) dv[k] = 0;
+    for (size_t i = 0; i < linear->features; i++)
+        for (size_t k = 0; k < nv; k++) dv[k] += linear->A[k * linear->features + i] * x[i];
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const double *R = q + row->places, *rate = v + row->velocities - 3;
+        for (uint32_t k = 0; k < row->places; k++) dq[k] = row->rotations > 0 ? lg_dot3(R + 3 * k, v) : v[k];
+        if (row->directions > 0) lg_cross3(v, q, dq);
+        for (int r = 0; r < 3 && row->rotations > 0; r++)
+            lg_cross3(R + 3 * r, rate, dq + row->places + 3 * r);
+        q += lg_coordinate_positions(machine->coordinates[i].kind);
+        dq += lg_coordinate_positions(machine->coordinates[i].kind);
+        v += row->velocities;
+    }
+}
+
+static void project(const lg_machine *machine, double *q) {
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        if (row->rotations > 0) lg_so3_project(q + row->places);
+        if (row->directions > 0) {
+            const double norm = sqrt(lg_dot3(q, q));
+            for (int k = 0; k < 3; k++) q[k] /= norm;
+        }
+        q += lg_coordinate_positions(machine->coordinates[i].kind);
+    }
+}
+
+/* Makes one RK4 step from q, v over the interval that begins at `row`. */
+static void advance(const linear_model *linear, const lg_machine_log *log, size_t row, double *q, double *v) {
+    static const double at[4] = {0, 0.5, 0.5, 1}, weight[4] = {1 / 6.0, 1 / 3.0, 1 / 3.0, 1 / 6.0};
+    const lg_machine *machine = linear->machine;
+    const size_t nq = machine->positions, nv = machine->velocities;
+    const double h = log->t[row + 1] - log->t[row];
+    double sum[FEATURES] = {0}, d[FEATURES] = {0}, y[FEATURES], u[LG_MACHINE_INPUTS];
+    for (int stage = 0; stage < 4; stage++) {
+        for (size_t k = 0; k < nq; k++) y[k] = q[k] + h * at[stage] * d[k];
+        for (size_t k = 0; k < nv; k++) y[nq + k] = v[k] + h * at[stage] * d[nq + k];
+        if (machine->input_count > 0) input_at(machine, log, row, at[stage], u);
+        slope(linear, y, y + nq, u, d, d + nq);
+        for (size_t k = 0; k < nq + nv; k++) sum[k] += h * weight[stage] * d[k];
+    }
+    for (size_t k = 0; k < nq; k++) q[k] += sum[k];
+    for (size_t k = 0; k < nv; k++) v[k] += sum[nq + k];
+    project(machine, q);
+}
+
+static lg_status run_linear(const void *user, const lg_machine_log *log, const size_t *start, size_t count,
+                            size_t steps, double *q, double *v, lg_error *error) {
+    const linear_model *linear = user;
+    (void)error;
+    const size_t nq = linear->machine->positions, nv = linear->machine->velocities;
+    for (size_t i = 0; i < count; i++, q += (steps + 1) * nq, v += (steps + 1) * nv) {
+        memcpy(q, log->q + start[i] * nq, nq * sizeof *q);
+        memcpy(v, log->v + start[i] * nv, nv * sizeof *v);
+        for (size_t step = 0; step < steps; step++) {
+            memcpy(q + (step + 1) * nq, q + step * nq, nq * sizeof *q);
+            memcpy(v + (step + 1) * nv, v + step * nv, nv * sizeof *v);
+            advance(linear, log, start[i] + step, q + (step + 1) * nq, v + (step + 1) * nv);
+        }
+    }
+    return LG_OK;
+}
+
 /* ---- judging ---- */
 
 /* Warns if the model predicts no better than a simple guess: it has not learned the machine then. */
@@ -197,12 +306,12 @@ static void warn_of_horizons(const app *self, const verdict *v) {
 }
 
 /* The errors of the linear model, NaN where accelerations alone are measured: it would have no states. */
-static void judge_linear(const app *self, const identify_given *given, identify_linear *linear,
+static void judge_linear(const app *self, const identify_given *given, linear_model *linear,
                          const lg_machine_log *states, double seconds, lg_horizon *out) {
     const lg_learned_machine *model = &given->model;
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = (double)NAN;
     if (model->machine->accelerations) return;
-    APP_MUST(self, lg_horizon_of(self->context, model->machine, identify_linear_run, linear, 0, states,
+    APP_MUST(self, lg_horizon_of(self->context, model->machine, run_linear, linear, 0, states,
                                  &given->data.logs.log, seconds, values.every, out, &error));
     if (model->start_rows > 0) out->pooled[LG_ERROR_VELOCITY] = (double)NAN;
     for (int e = 0; e < LG_RUN_ERRORS; e++)
@@ -220,8 +329,8 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
         simple.v = slopes = identify_slopes(model->machine, log);
         APP_MUST(self, lg_machine_states(model, log, values.every, &states, &error));
     }
-    identify_linear linear;
-    identify_linear_fit(self, model->machine, &simple, &linear);
+    linear_model linear;
+    fit_linear(self, model->machine, &simple, &linear);
     out->horizon_count = values.horizons.count > 0 ? values.horizons.count : LG_COUNT(usual);
     for (size_t i = 0; i < out->horizon_count; i++) {
         const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];
@@ -235,9 +344,9 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
 }
 
 /* The geometric mean over rows of |z - z'|/|z + z'| + 1e-8. */
-static void judge_relative(const lg_machine *machine, const lg_machine_log *data, const size_t *start,
-                           size_t count, verdict *out) {
-    const size_t nq = machine->positions, nv = machine->velocities;
+static void judge_relative(const lg_machine *machine, const lg_machine_log *data, verdict *out) {
+    const size_t nq = machine->positions, nv = machine->velocities, count = out->runs.count;
+    const size_t *start = out->runs.start;
     double sum = 0, worst = -INFINITY;
     size_t part = 0;
     for (size_t i = 0; i < count; i++) {
@@ -248,7 +357,7 @@ static void judge_relative(const lg_machine *machine, const lg_machine_log *data
             for (size_t k = machine->accelerations ? nq : 0; k < nq + nv; k++) {
                 const size_t at = k < nq ? row * nq + k : row * nv + k - nq;
                 const double a = (k < nq ? data->q : lg_log_shown(data))[at],
-                             b = (k < nq ? out->q : out->v)[at];
+                             b = (k < nq ? out->runs.q : out->runs.v)[at];
                 if (isnan(a)) continue;
                 square += (a - b) * (a - b), total += (a + b) * (a + b);
             }
@@ -292,31 +401,26 @@ static void deny_whiteness(const lg_machine_file *file, verdict *v) {
 }
 
 /* What needs logged states: constant forces that runs integrate, and the balance of energy. */
-static void judge_states(const app *self, const identify_given *given, const size_t *start, size_t count,
-                         verdict *out) {
+static void judge_states(const app *self, const identify_given *given, verdict *out) {
     for (int k = 0; k < IDENTIFY_ENERGIES; k++) out->energy[k] = (double)NAN;
     if (given->model.machine->accelerations) return;
-    identify_find_offsets(self, given, start, count, out->q, out->offsets);
+    identify_find_offsets(self, given, &out->runs, out->offsets);
     warn_of_offsets(self, given->model.machine, out);
     identify_balance(self, given, out->energy, out->whiteness);
 }
 
 static void judge_run(const app *self, const identify_given *given, verdict *out) {
     const lg_learned_machine *model = &given->model;
-    const lg_machine *machine = model->machine;
     const lg_machine_file *file = &given->data.file;
     const lg_machine_log *log = &given->data.logs.log;
-    APP_FREE size_t *start = app_alloc(log->parts, sizeof *start);
-    const size_t count = identify_first_rows(model, log, 0, start);
-    out->q = app_keep(log->rows * machine->positions, sizeof *out->q);
-    out->v = app_keep(log->rows * machine->velocities, sizeof *out->v);
-    identify_run_log(self, model, log, start, count, out->q, out->v);
-    if (values.relative) judge_relative(machine, log, start, count, out);
-    identify_leave_out(model, log, start, count, out->q, out->v);
-    identify_column_errors(given, out->q, out->v, out->free_run);
+    out->runs = identify_runs_begin(model, log, 0);
+    identify_run_log(self, model, log, &out->runs);
+    if (values.relative) judge_relative(model->machine, log, out);
+    identify_leave_out(model, log, &out->runs);
+    identify_column_errors(given, &out->runs, out->free_run);
     warn_of_runs(self, file, out);
-    judge_states(self, given, start, count, out);
-    if (model->start_rows > 0) identify_run_whiteness(given, out->q, out->v, out->whiteness);
+    judge_states(self, given, out);
+    if (model->start_rows > 0) identify_run_whiteness(given, &out->runs, out->whiteness);
     deny_whiteness(file, out);
 }
 
@@ -338,7 +442,7 @@ static void draw(const app *self, const identify_given *given, const verdict *v)
         APP_MUST(self, lg_machine_horizon(&given->model, &logs->log,
                                           shortest * pow(longest / shortest, (double)i / (POINTS - 1)), every,
                                           &curve[i], &error));
-    identify_draw_evaluation(self, given, v->q, v->v, curve, POINTS);
+    identify_draw_evaluation(self, given, &v->runs, curve, POINTS);
 }
 
 /* ---- the command ---- */
@@ -351,7 +455,7 @@ static void run(app *self) {
     APP_MUST(self,
              lg_machine_window_loss(&given.model, &given.data.logs.log, window, &v.window_loss, &error));
     judge_run(self, &given, &v);
-    identify_warn_range(self, &given, NULL, NULL);
+    identify_warn_range(self, &given, NULL);
     judge_horizons(self, &given, &v);
     if (app_plot_given.plot != NULL) draw(self, &given, &v);
     report(self, &given, &v);

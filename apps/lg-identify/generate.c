@@ -48,7 +48,7 @@ typedef struct making {
     double t_end;
     double *given;          /* Inputs, (runs, rows + delay, inputs). */
     identify_log made;      /* The runs' initial states and inputs. */
-    double *run_q, *run_v;  /* The motion of the machine. */
+    identify_runs motion;   /* The motion of the machine. */
     lg_machine_data inputs; /* The inputs read from FILE.csv. */
     uint32_t substeps;
     double accuracy;
@@ -264,8 +264,8 @@ static void add_noise(const app *self, making *m) {
     find_noise(m, position, velocity);
     lg_rng_seed(&rng, self->seed, UINT64_C(1) << 40);
     for (size_t row = 0; row < m->runs * m->rows; row++)
-        scatter(machine, &rng, position, velocity, m->run_q + row * machine->positions,
-                m->run_v + row * machine->velocities);
+        scatter(machine, &rng, position, velocity, m->motion.q + row * machine->positions,
+                m->motion.v + row * machine->velocities);
 }
 
 /* ---- the motion ---- */
@@ -304,56 +304,36 @@ static void integrate(const app *self, making *m) {
                  nv = points * machine->velocities;
     APP_FREE double *before_q = app_alloc(nq, sizeof *before_q);
     APP_FREE double *before_v = app_alloc(nv, sizeof *before_v);
+    double *q = m->motion.q, *v = m->motion.v;
     m->accuracy = INFINITY;
     bool kinks = false;
     for (m->substeps = 2;; m->substeps *= 2) {
         model.substeps = m->substeps;
-        identify_run(self, &model, &m->made.log, m->made.first, m->runs, m->rows - 1, m->run_q, m->run_v);
+        identify_run(self, &model, &m->made.log, m->made.first, m->runs, m->rows - 1, q, v);
         const double last = m->accuracy;
         if (m->substeps > 2)
-            m->accuracy =
-                fmax(largest_difference(m->run_q, before_q, nq), largest_difference(m->run_v, before_v, nv));
+            m->accuracy = fmax(largest_difference(q, before_q, nq), largest_difference(v, before_v, nv));
         kinks = isfinite(last) && m->accuracy > last / 8;
         if (m->accuracy <= (kinks ? enough : wanted) || m->substeps >= MOST) break;
-        memcpy(before_q, m->run_q, nq * sizeof *before_q);
-        memcpy(before_v, m->run_v, nv * sizeof *before_v);
+        memcpy(before_q, q, nq * sizeof *before_q);
+        memcpy(before_v, v, nv * sizeof *before_v);
     }
     check_accuracy(self, m);
 }
 
 /* ---- the file ---- */
 
-static void put_row(lg_columns *to, const making *m, size_t run, size_t row, double *columns) {
-    const lg_machine_file *file = &m->file;
-    const size_t at = run * m->rows + row, inputs = file->machine.input_count;
-    identify_to_columns(file, m->run_q + at * file->machine.positions,
-                        m->run_v + at * file->machine.velocities, row > 0 ? columns : NULL, columns);
-    columns[file->time] = values.dt * (double)row;
-    if (file->run < file->column_count) columns[file->run] = (double)run;
-    for (uint32_t c = 0; c < file->column_count; c++) {
-        const uint32_t input = file->columns[c].index;
-        if (file->columns[c].role != LG_LOG_INPUT) continue;
-        const size_t acts = row + file->inputs[input].delay; /* the row in which the logged value acts */
-        columns[c] = m->given[(run * (m->rows + m->delay) + acts) * inputs + input];
-    }
-    identify_put_columns(to, file, columns);
-    lg_columns_end(to);
+/* The logged value acts its delay later. */
+static double input_of(const void *user, size_t run, size_t row, uint32_t input) {
+    const making *m = user;
+    const size_t acts = row - run * m->rows + m->file.inputs[input].delay;
+    return m->given[(run * (m->rows + m->delay) + acts) * m->file.machine.input_count + input];
 }
 
-static void write_log(const app *self, const making *m) {
-    lg_columns to = {.text = app_text()};
-    double columns[LG_LOG_COLUMNS];
-    identify_put_names(&to, &m->file);
-    lg_columns_end(&to);
-    for (size_t run = 0; run < m->runs; run++)
-        for (size_t row = 0; row < m->rows; row++) put_row(&to, m, run, row, columns);
-    APP_MUST_FILE(self, values.out, lg_columns_write(&to, self->context, values.out, &error));
-}
-
-static void report(const app *self, const making *m) {
+static void report(const app *self, const making *m, size_t rows) {
     app_json *out = self->out;
     app_result_size(out, "runs", m->runs, NULL);
-    app_result_size(out, "rows", m->runs * m->rows, "of all runs");
+    app_result_size(out, "rows", rows, "of all runs");
     app_result_real(out, "dt", values.dt, "s from a row to the next");
     app_result_size(out, "substeps", m->substeps, "between two rows");
     app_result_real(out, "accuracy", m->accuracy, "of the motion");
@@ -404,11 +384,12 @@ static void begin(const app *self, making *m) {
     for (uint32_t i = 0; i < machine->input_count; i++)
         if (m->file.inputs[i].delay > m->delay) m->delay = m->file.inputs[i].delay;
     if (m->rows < 2) app_stop_usage(self, "--t-end %g is shorter than --dt %g", m->t_end, values.dt);
+    const size_t rows = m->runs * m->rows;
     m->given = app_keep(m->runs * (m->rows + m->delay) * machine->input_count + 1, sizeof *m->given);
-    identify_log_begin(&m->made, machine, m->runs, m->runs * m->rows);
+    identify_log_begin(&m->made, machine, m->runs, rows);
     for (size_t run = 0; run <= m->runs; run++) m->made.first[run] = run * m->rows;
-    m->run_q = app_keep(m->made.log.rows * machine->positions, sizeof *m->run_q);
-    m->run_v = app_keep(m->made.log.rows * machine->velocities, sizeof *m->run_v);
+    m->motion = (identify_runs){m->made.first, m->runs, app_keep(rows * machine->positions, sizeof(double)),
+                                app_keep(rows * machine->velocities, sizeof(double)), NULL};
 }
 
 static void making_end(making *m) {
@@ -431,11 +412,12 @@ static void run(app *self) {
     fill_starts(self, &m);
     integrate(self, &m);
     add_noise(self, &m);
-    write_log(self, &m);
     lg_machine_log log = m.made.log;
-    log.q = m.run_q, log.v = m.run_v;
-    identify_draw_run(self, "First run", &m.file, &log, 1, NULL, NULL, NULL);
-    report(self, &m);
+    log.q = m.motion.q, log.v = m.motion.v;
+    size_t rows;
+    (void)identify_write(self, values.out, &m.file, &log, NULL, &m.motion, input_of, &m, &rows);
+    identify_draw_run(self, "First run", &m.file, &log, 1, NULL);
+    report(self, &m, rows);
 }
 
 const app_command identify_generate_command = {

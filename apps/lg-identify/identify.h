@@ -11,7 +11,7 @@
 extern const app_command identify_check_command, identify_fit_command, identify_evaluate_command,
     identify_predict_command, identify_generate_command, identify_adapt_command;
 
-/* ---- models and logs (data.c) ---- */
+/* ---- models and logs (runs.c) ---- */
 
 /* Calls lg_machine_data_read. Ends the command if something cannot be read. */
 void identify_read(const app *self, const lg_machine_sources *from, lg_machine_data *out);
@@ -43,26 +43,33 @@ void identify_given_destroy(identify_given *given);
  * quaternion does not change its sign from row to row (may be the same array as `columns`); or NULL. */
 void identify_to_columns(const lg_machine_file *file, const double *q, const double *v, const double *before,
                          double *columns);
-/* Write the columns, in the units of the log, or their names as cells of a CSV line, without the end of the
- * line. */
-void identify_put_columns(lg_columns *to, const lg_machine_file *file, const double *columns);
-void identify_put_names(lg_columns *to, const lg_machine_file *file);
 /* Predicted minus logged of each column of the file; the difference of two angles is wrapped to (-pi, pi].
  * NaN: the column is no state, or the log has no number. Infinite: the prediction is not finite. */
 void identify_errors(const lg_machine_file *file, const double *q, const double *v, const double *logged_q,
                      const double *logged_v, double *out);
 bool identify_is_state(const lg_log_column *column); /* Whether the column is a position or a velocity. */
-/* Returns whether a term of the part (LG_MACHINE_PART_COUNT: of any part) depends on the position of the
- * coordinate. */
-bool identify_sees(const lg_machine *machine, int part, uint32_t coordinate);
 
-/* Root mean squares of predicted minus logged values, one per column of the file, over the rows at which `q`
- * or `v` is not NaN; NaN: nothing to compare. */
-void identify_column_errors(const identify_given *given, const double *q, const double *v, double *out);
+/* Free runs along a log, each in a part of its own. */
+typedef struct identify_runs {
+    size_t *start, count; /* (count) rows of the log at which they begin */
+    double *q, *v;        /* (rows, positions), (rows, velocities): NaN at rows that are not predicted */
+    double *bands;        /* (rows, columns of the file): standard deviations; NULL: not known */
+} identify_runs;
 
-/* Warns about each column that leaves the range of the training data, in the log or in the rows of q and v
- * that are not NaN. q and v may be NULL. */
-void identify_warn_range(const app *self, const identify_given *given, const double *q, const double *v);
+/* Root mean squares of predicted minus logged values, one per column of the file; NaN: nothing to compare. */
+void identify_column_errors(const identify_given *given, const identify_runs *runs, double *out);
+
+/* Warns about each column that leaves the range of the training data, in the log or in the runs, which may be
+ * NULL. */
+void identify_warn_range(const app *self, const identify_given *given, const identify_runs *runs);
+
+/* Writes the runs as a log with the machine's columns, and their bands as columns NAME.sd. `run_of`: the
+ * number of each part's run; NULL: the number of the part. `input`: the logged input of a row of a part.
+ * *rows: how many were written. False: some state is not finite, and its cell is empty. */
+bool identify_write(const app *self, const char *path, const lg_machine_file *file, const lg_machine_log *log,
+                    const uint32_t *run_of, const identify_runs *runs,
+                    double (*input)(const void *user, size_t part, size_t row, uint32_t input),
+                    const void *user, size_t *rows);
 
 /* ---- runs (runs.c): these functions end the command on failure ---- */
 
@@ -81,34 +88,18 @@ size_t identify_first_run(const lg_logs *logs);
 void identify_run(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                   const size_t *start, size_t count, size_t steps, double *q, double *v);
 
-/* Runs from the rows start[0..count-1] to the ends of their parts. q (rows, positions) and v (rows,
- * velocities) are NaN at rows that are not predicted. If the log has positions alone, the states at the
- * starts are estimated. */
+/* Runs that begin at the first complete row of each part, at or after row `from` of the part; parts without
+ * such a row have none. If the log has positions alone, a row with all positions is complete. The memory
+ * lives until the command ends. */
+identify_runs identify_runs_begin(const lg_learned_machine *model, const lg_machine_log *log, size_t from);
+/* Runs from the starts to the ends of their parts. If the log has positions alone, the states at the starts
+ * are estimated. */
 void identify_run_log(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
-                      const size_t *start, size_t count, double *q, double *v);
-
+                      identify_runs *runs);
 /* Sets to NaN the first rows of runs of identify_run_log, which only serve to estimate their starts. */
-void identify_leave_out(const lg_learned_machine *model, const lg_machine_log *log, const size_t *start,
-                        size_t count, double *q, double *v);
+void identify_leave_out(const lg_learned_machine *model, const lg_machine_log *log, identify_runs *runs);
 
-/* Finds the first complete row of each part, at or after row `from` of the part. If the log has positions
- * alone, a row with all positions is complete. Returns how many parts have such a row. */
-size_t identify_first_rows(const lg_learned_machine *model, const lg_machine_log *log, size_t from,
-                           size_t *out);
-
-/* ---- comparisons (linear.c, balance.c) ---- */
-
-/* A linear model v' = A (q, v, u, 1), fitted to all rows of these logs. If the logs have no velocities, its
- * runs are NaN. */
-enum { IDENTIFY_FEATURES = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS + 1 };
-typedef struct identify_linear {
-    const lg_machine *machine;
-    size_t features;
-    double A[LG_MACHINE_VELOCITIES * IDENTIFY_FEATURES]; /* (velocities, features) */
-} identify_linear;
-void identify_linear_fit(const app *self, const lg_machine *machine, const lg_machine_log *log,
-                         identify_linear *linear);
-lg_runner identify_linear_run; /* user: an identify_linear. */
+/* ---- comparisons (balance.c) ---- */
 
 /* Sums over all intervals of the log, in the unit of energy. In each interval, the change of H is the work of
  * the inputs, of the damping and of the residual, plus a rest that the model does not explain. */
@@ -134,9 +125,8 @@ typedef struct identify_whiteness {
 void identify_balance(const app *self, const identify_given *given, double energy[IDENTIFY_ENERGIES],
                       identify_whiteness *whiteness);
 
-/* The same test for the residuals of whole runs, at the rows where q and v are predicted. */
-void identify_run_whiteness(const identify_given *given, const double *q, const double *v,
-                            identify_whiteness *out);
+/* The same test for the residuals of whole runs. */
+void identify_run_whiteness(const identify_given *given, const identify_runs *runs, identify_whiteness *out);
 
 /* ---- constant forces (offset.c) ---- */
 
@@ -146,10 +136,9 @@ typedef struct identify_offset {
     bool integrates; /* the force explains most of the error, and its effect grows to the end of the run */
     double force, without, with;
 } identify_offset;
-/* Fills `out` (LG_MACHINE_COORDINATES) for the free run q (rows, positions) from these starts; where q is
- * NaN, nothing is compared. */
-void identify_find_offsets(const app *self, const identify_given *given, const size_t *start, size_t count,
-                           const double *q, identify_offset *out);
+/* Fills `out` (LG_MACHINE_COORDINATES) for runs from the first rows. */
+void identify_find_offsets(const app *self, const identify_given *given, const identify_runs *runs,
+                           identify_offset *out);
 /* Velocities (rows, velocities) from lines through 21 positions; the caller frees them. */
 double *identify_slopes(const lg_machine *machine, const lg_machine_log *log);
 /* Velocities (n, velocities), and on each the learned friction plus the force that the model lacks, from n
@@ -165,15 +154,12 @@ void identify_values(const app *self, const lg_learned_machine *model, size_t co
 
 /* ---- plots (plots.c) ---- */
 
-/* With --plot, draws each column of the first run against time. q, v (rows, ...): predictions, or NULL; bands
- * (rows, columns of the file): standard deviations of the predictions, or NULL. */
+/* With --plot, draws each column of the first run against time, and the predictions, which may be NULL. */
 void identify_draw_run(const app *self, const char *title, const lg_machine_file *file,
-                       const lg_machine_log *log, size_t parts, const double *q, const double *v,
-                       const double *bands);
+                       const lg_machine_log *log, size_t parts, const identify_runs *runs);
 
-/* Draws the plot of evaluate --plot: a free run (q, v at the rows of the log), errors against horizons,
- * and what was learned. */
-void identify_draw_evaluation(const app *self, const identify_given *given, const double *q, const double *v,
+/* Draws the plot of evaluate --plot: a free run, errors against horizons, and what was learned. */
+void identify_draw_evaluation(const app *self, const identify_given *given, const identify_runs *runs,
                               const lg_horizon *horizons, size_t horizon_count);
 
 #endif

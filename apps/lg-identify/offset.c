@@ -82,42 +82,39 @@ static bool grows(const sums *s) {
     return s->late / (double)s->late_count > growth * growth * s->early / (double)s->early_count;
 }
 
-static void look_at(const app *self, const identify_given *given, pushed *p, const size_t *start,
-                    size_t count, const double *q, uint32_t i, double *with, double *v,
-                    identify_offset *out) {
+static void look_at(const app *self, const identify_given *given, pushed *p, const identify_runs *runs,
+                    uint32_t i, identify_runs *with, identify_offset *out) {
     const lg_machine_log *log = &given->data.logs.log;
     const lg_machine *machine = given->model.machine;
-    const uint32_t position = lg_log_place_of(machine, i).position,
-                   velocity = lg_log_place_of(machine, i).velocity;
+    const uint32_t position = lg_machine_offsets_of(machine, i).position,
+                   velocity = lg_machine_offsets_of(machine, i).velocity;
     push(p, velocity, 1);
-    identify_run_log(self, &p->model, log, start, count, with, v);
+    identify_run_log(self, &p->model, log, with);
     push(p, velocity, -1);
-    const sums s = add_runs(machine, log, q, with, i, position);
+    const sums s = add_runs(machine, log, runs->q, with->q, i, position);
     if (!(s.ee > 0 && s.ss > 0) || !grows(&s)) return;
     const double x = -s.es / s.ss;
     push(p, velocity, x);
-    identify_run_log(self, &p->model, log, start, count, with, v);
+    identify_run_log(self, &p->model, log, with);
     push(p, velocity, -x);
-    const sums left = add_runs(machine, log, with, q, i, position);
+    const sums left = add_runs(machine, log, with->q, runs->q, i, position);
     out->force = x * force_of(p, velocity);
     out->without = sqrt(s.ee / (double)s.count);
     out->with = sqrt(left.ee / (double)left.count);
     out->integrates = out->with < 0.7 * out->without;
 }
 
-void identify_find_offsets(const app *self, const identify_given *given, const size_t *start, size_t count,
-                           const double *q, identify_offset *out) {
+void identify_find_offsets(const app *self, const identify_given *given, const identify_runs *runs,
+                           identify_offset *out) {
     const lg_machine *machine = given->model.machine;
-    const lg_machine_log *log = &given->data.logs.log;
     APP_CLEAN(pushed_destroy) pushed p = {.model = {.machine = NULL}};
-    APP_FREE double *with = app_alloc(log->rows * machine->positions, sizeof *with);
-    APP_FREE double *v = app_alloc(log->rows * machine->velocities, sizeof *v);
     memset(out, 0, LG_MACHINE_COORDINATES * sizeof *out);
     if (!pushed_create(self, given, &p)) return;
+    identify_runs with = identify_runs_begin(&given->model, &given->data.logs.log, 0);
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_kind kind = machine->coordinates[i].kind;
         if (kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE)
-            look_at(self, given, &p, start, count, q, i, with, v, &out[i]);
+            look_at(self, given, &p, runs, i, &with, &out[i]);
     }
 }
 

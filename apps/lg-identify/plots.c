@@ -43,7 +43,7 @@ static bool begin(app_plot *plot, const char *title, const lg_machine_file *file
 }
 
 static void put_row(app_plot *plot, const lg_machine_file *file, const lg_machine_log *log, size_t row,
-                    const double *q, const double *v, const double *bands, double *logged) {
+                    const identify_runs *runs, double *logged) {
     const size_t nq = file->machine.positions, nv = file->machine.velocities, m = file->machine.input_count;
     const size_t n = file->column_count;
     double predicted[LG_LOG_COLUMNS];
@@ -52,32 +52,32 @@ static void put_row(app_plot *plot, const lg_machine_file *file, const lg_machin
         if (file->columns[c].role == LG_LOG_INPUT) logged[c] = log->u[row * 4 * m + file->columns[c].index];
         predicted[c] = (double)NAN;
     }
-    if (q != NULL) identify_to_columns(file, q + row * nq, v + row * nv, logged, predicted);
+    if (runs != NULL) identify_to_columns(file, runs->q + row * nq, runs->v + row * nv, logged, predicted);
+    const double *bands = runs != NULL && runs->bands != NULL ? runs->bands + row * n : NULL;
     const app_plot_column columns[] = {
-        {log->t + row, 0, 1}, {logged, 0, n}, {predicted, 0, n}, {bands ? bands + row * n : NULL, 0, n}};
+        {log->t + row, 0, 1}, {logged, 0, n}, {predicted, 0, n}, {bands, 0, n}};
     app_plot_columns(plot, 9, 1, columns, bands != NULL ? 4 : 3);
 }
 
 /* Writes the first parts as one data block. Blank lines break the curves at gaps. */
 static void put_run(app_plot *plot, const lg_machine_file *file, const lg_machine_log *log, size_t parts,
-                    const double *q, const double *v, const double *bands) {
+                    const identify_runs *runs) {
     size_t rows = 0;
     /* Holds the previous row, so that quaternions do not change their sign. */
     double logged[LG_LOG_COLUMNS] = {0};
     for (size_t p = 0; p < parts; p++) {
         for (size_t row = log->first[p]; row < log->first[p + 1] && rows < MOST_ROWS; row++, rows++)
-            put_row(plot, file, log, row, q, v, bands, logged);
+            put_row(plot, file, log, row, runs, logged);
         app_plot_gap(plot);
     }
     app_plot_block(plot);
 }
 
 void identify_draw_run(const app *self, const char *title, const lg_machine_file *file,
-                       const lg_machine_log *log, size_t parts, const double *q, const double *v,
-                       const double *bands) {
+                       const lg_machine_log *log, size_t parts, const identify_runs *runs) {
     app_plot plot;
-    if (!begin(&plot, title, file, true, q != NULL, bands != NULL)) return;
-    put_run(&plot, file, log, parts, q, v, bands);
+    if (!begin(&plot, title, file, true, runs != NULL, runs != NULL && runs->bands != NULL)) return;
+    put_run(&plot, file, log, parts, runs);
     app_plot_end(self, &plot);
 }
 
@@ -93,22 +93,17 @@ typedef struct axis {
 
 static size_t find_axes(const lg_machine *machine, axis *axes) {
     size_t n = 0;
-    uint32_t position = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_machine_coordinate *c = &machine->coordinates[i];
         const uint32_t rates = lg_coordinate_row_of(c->kind)->velocities;
         for (uint32_t k = 0; k < rates; k++, n++) {
             axes[n] = (axis){.scalar = rates == 1,
                              .angle = c->kind == LG_COORDINATE_ANGLE,
-                             .seen = rates == 1 && identify_sees(machine, LG_MACHINE_POTENTIAL, i),
-                             .position = position,
+                             .seen = rates == 1 && lg_machine_sees(machine, LG_MACHINE_POTENTIAL, i),
+                             .position = lg_machine_offsets_of(machine, i).position,
                              .velocity = (uint32_t)n};
-            if (rates == 1)
-                (void)snprintf(axes[n].name, sizeof axes[n].name, "%s", c->name);
-            else
-                (void)snprintf(axes[n].name, sizeof axes[n].name, "%s.%u", c->name, k + 1);
+            lg_machine_velocity_name(machine, (uint32_t)n, axes[n].name, sizeof axes[n].name);
         }
-        position += lg_coordinate_positions(c->kind);
     }
     return n;
 }
@@ -227,14 +222,14 @@ static void put_horizons(app_plot *plot, const lg_horizon *horizons, size_t coun
     app_plot_block(plot);
 }
 
-void identify_draw_evaluation(const app *self, const identify_given *given, const double *q, const double *v,
+void identify_draw_evaluation(const app *self, const identify_given *given, const identify_runs *runs,
                               const lg_horizon *horizons, size_t horizon_count) {
     const lg_logs *logs = &given->data.logs;
-    drawing d = {.given = given, .log = &logs->log, .v = v};
+    drawing d = {.given = given, .log = &logs->log, .v = runs->v};
     (void)begin(&d.plot,
                 "First run of the log: logged (thick) and predicted from its start (thin); what was learned",
                 &given->data.file, false, true, false);
-    put_run(&d.plot, &given->data.file, d.log, identify_first_run(logs), q, v, NULL);
+    put_run(&d.plot, &given->data.file, d.log, identify_first_run(logs), runs);
     put_horizons(&d.plot, horizons, horizon_count);
     put_terms(self, &d);
     app_plot_end(self, &d.plot);

@@ -52,24 +52,17 @@ static void name_columns(study *all) {
  * cell's numbers of all members of a block. */
 typedef void (*cell_visitor)(void *user, size_t row, size_t column, const double *values, size_t count);
 
-static double invariant_of(const study *all, gatherer *own, const lg_ensemble_block *of, size_t row, size_t i,
-                           size_t m) {
-    for (size_t c = 0; c < of->dim; c++) own->state[c] = of->states[(row * of->dim + c) * of->room + m];
-    return lg_system_invariant(own->system != NULL ? own->system : all->sim->system, i, own->state,
-                               own->work);
-}
-
-/* Computes the invariants of all members of a block at this row. Members are the outer loop, so that a
- * member's parameters are set only once per row. */
+/* Computes the invariants of all members of a block at this row. */
 static void fill_invariants(const study *all, gatherer *own, const lg_ensemble_block *of, size_t row) {
+    const lg_system *system = own->system != NULL ? own->system : all->sim->system;
+    double *parameters = own->row; /* scratch memory, which is long enough */
     for (size_t m = 0; m < of->members; m++) {
-        if (own->system != NULL) {
-            double *parameters = own->row; /* scratch memory, which is long enough */
-            for (size_t i = 0; i < of->parameter_count; i++) parameters[i] = of->parameter[i * of->room + m];
-            (void)lg_system_set_parameters(own->system, parameters);
-        }
+        for (size_t c = 0; c < of->dim; c++) own->state[c] = of->states[(row * of->dim + c) * of->room + m];
+        for (size_t i = 0; own->system != NULL && i < of->parameter_count; i++)
+            parameters[i] = of->parameter[i * of->room + m];
+        if (own->system != NULL) (void)lg_system_set_parameters(own->system, parameters);
         for (size_t i = 0; i < all->invariants; i++)
-            own->invariant[i * of->room + m] = invariant_of(all, own, of, row, i, m);
+            own->invariant[i * of->room + m] = lg_system_invariant(system, i, own->state, own->work);
     }
 }
 
@@ -325,7 +318,7 @@ static lg_status run_all(study *all, lg_ensemble_stats *stats, lg_error *error) 
     return status;
 }
 
-/* ---- files; failures are returned, because the ranks must still exchange their statuses ---- */
+/* ---- files ---- */
 
 static lg_status open_rows(study *all, lg_error *error) {
     const app *self = all->sim->self;
@@ -350,50 +343,52 @@ static lg_status close_rows(study *all, lg_error *error) {
     return lg_fail(error, LG_FILE, "%s: cannot be written: %s", all->files->trajectories, strerror(code));
 }
 
-/* Writes the results: the statistics also if the trajectories could not be written. */
-static int write_out(study *all, bool *written) {
-    const app *self = all->sim->self;
-    const ensemble_files *files = all->files;
-    result *total = all->total;
-    lg_error error = {LG_OK, ""}, lost = {LG_OK, ""};
-    lg_status status = LG_OK;
-    const lg_status rows_status = close_rows(all, &lost);
-    const lg_rows_part part = {files->trajectories,
-                               rows_among(all->saved, total->first, all->options.members)};
-    const result_rows rows = {&part, 1, all->sim->reported};
-    total->saved = rows_status == LG_OK ? all->saved : 0;
-    if (files->out != NULL)
-        status = result_write(self, files->out, total,
-                              all->rows != NULL && rows_status == LG_OK ? &rows : NULL, &error);
-    if (status != LG_OK) return app_fail_file(self, status, &error, files->out);
-    *written = true;
-    if (self->ranks == NULL) ensemble_draw(self, total);
-    if (rows_status == LG_OK) return APP_EXIT_OK;
-    return app_fail(self, rows_status, "%s; the statistics are in %s", lost.message, files->out);
-}
-
-static int run_and_write(study *all, bool *written, lg_ensemble_stats *stats, lg_status *status) {
+/* Runs the ensemble. A failure ends the command, and thereby all ranks. */
+static void run_or_stop(study *all, lg_ensemble_stats *stats) {
     const app *self = all->sim->self;
     lg_error error = {LG_OK, ""};
     open_gatherers(all);
-    *status = all->files->trajectories != NULL ? open_rows(all, &error) : LG_OK;
-    if (*status == LG_OK) *status = run_all(all, stats, &error);
-    if (*status == LG_OK) return write_out(all, written);
-    if (*status == LG_CANCELLED)
-        return app_fail(self, *status,
-                        "stopped by %s: nothing was written, because the ensemble is not complete",
-                        app_stopper());
-    if (*status == LG_FILE) return app_fail_file(self, *status, &error, all->files->trajectories);
-    return app_fail(self, *status, "%s", app_sentence(*status, &error));
+    lg_status status = all->files->trajectories != NULL ? open_rows(all, &error) : LG_OK;
+    if (status == LG_OK) status = run_all(all, stats, &error);
+    if (status == LG_OK) return;
+    lg_rows_file_destroy(all->rows);
+    if (status == LG_CANCELLED)
+        app_stop(self, status, "stopped by %s: nothing was written, because the ensemble is not complete",
+                 app_stopper());
+    if (status == LG_FILE) app_must_file(self, status, &error, all->files->trajectories);
+    app_must(self, status, &error);
 }
 
-/* Called when all ranks have written their parts: rank 0 merges them into one file and prints the results. */
-static void merge_ranks(const study *all, lg_status status) {
+/* Writes the results: the statistics also if the trajectories could not be written. */
+static void write_out(study *all) {
+    app *self = all->sim->self;
+    const ensemble_files *files = all->files;
+    result *total = all->total;
+    lg_error lost = {LG_OK, ""};
+    const bool kept = all->rows != NULL;
+    const lg_status status = close_rows(all, &lost);
+    const lg_rows_part part = {files->trajectories,
+                               rows_among(all->saved, total->first, all->options.members)};
+    const result_rows rows = {&part, 1, all->sim->reported};
+    lg_rows_file_destroy(all->rows);
+    total->saved = status == LG_OK ? all->saved : 0;
+    if (files->out != NULL)
+        APP_MUST_FILE(self, files->out,
+                      result_write(self, files->out, total, kept && status == LG_OK ? &rows : NULL, &error));
+    if (self->ranks == NULL) ensemble_draw(self, total);
+    if (status == LG_OK) return;
+    self->code = app_fail(self, status, "%s; the statistics are in %s", lost.message, files->out);
+    if (self->ranks != NULL) app_end(self->code);
+}
+
+/* Waits until all ranks have written their parts; then rank 0 merges them into one file and prints the
+ * results. */
+static void merge_ranks(const study *all) {
     app *self = all->sim->self;
     const uint64_t tasks = all->files->task.count;
     const char *out = all->sim->values->out;
     lg_error error = {LG_OK, ""};
-    status = lg_ranks_agree(self->ranks, status, &error);
+    const lg_status status = lg_ranks_agree(self->ranks, LG_OK, &error);
     app_end_exchanges(self);
     app_must(self, status, &error);
     if (self->rank > 0) return;
@@ -401,21 +396,6 @@ static void merge_ranks(const study *all, lg_status status) {
     for (uint64_t i = 0; i < tasks; i++) parts[i] = part_path(out, &(ensemble_task){i, tasks});
     merge_parts(self, out, parts, tasks, false);
     for (uint64_t i = 0; i < tasks; i++) (void)remove(parts[i]);
-}
-
-static void run_and_show(study *all) {
-    const app *self = all->sim->self;
-    bool written = false;
-    lg_ensemble_stats stats;
-    lg_status status;
-    const int code = run_and_write(all, &written, &stats, &status);
-    lg_rows_file_destroy(all->rows);
-    if (self->ranks != NULL) {
-        merge_ranks(all, code == APP_EXIT_OK ? LG_OK : status != LG_OK ? status : LG_FILE);
-        return;
-    }
-    if (written) ensemble_conclude(self, &(ensemble_run){all->total, &stats, all->files->out});
-    all->sim->self->code = code;
 }
 
 /* ---- choosing what is run ---- */
@@ -433,44 +413,34 @@ static void choose_members(study *all, const ensemble_task *part) {
     all->total->block = size;
 }
 
-static void choose_saved(study *all) {
-    const app *self = all->sim->self;
-    const char *text = all->sim->values->save;
-    if (text == NULL) return;
-    all->saved = all->total->total;
-    if (strcmp(text, "all") != 0 && !(lg_integer_parse(text, &all->saved) == LG_OK && all->saved > 0))
-        app_stop_usage(self, "--save: expected `all` or a number of members, not '%s'", text);
-    if (all->saved > all->total->total) all->saved = all->total->total;
-    if (all->files->out == NULL) app_stop_usage(self, "--save: trajectories need a file: give --out");
-}
-
-static void prepare(study *all, const lg_scheme *scheme, lg_ensemble_event *events) {
+static void prepare(study *all, const lg_scheme *scheme, const char *text, lg_ensemble_event *events) {
     const simulation *sim = all->sim;
     const simulate_values *values = sim->values;
     const ensemble_files *files = all->files;
+    size_t rows;
     plan how;
     plan_init(sim, scheme, &how);
     lg_ensemble_options *o = &all->options;
     lg_ensemble_options_init(o);
+    all->varied = vary_open(sim, text, values->members, &rows, &o->varied);
     o->threads = (int)sim->self->threads;
     o->scheme = scheme;
     o->steps = how.control.steps;
-    o->control.rtol = how.control.rtol;
-    o->control.atol = how.control.atol;
-    o->control.max_steps = how.control.max_steps;
+    o->control = how.control;
     o->start = sim->scene.state;
     all->total->total = values->ensemble;
     all->invariants = lg_system_invariants(sim->system);
     if (files->task.count > 0 && files->out == NULL)
         app_stop_usage(sim->self, values->task != NULL ? "--task: the part needs a file: give --out"
                                                        : "ranks of mpirun write parts: give --out");
-    choose_saved(all);
+    all->saved = values->save < values->ensemble ? values->save : values->ensemble;
+    if (values->save > 0 && files->out == NULL)
+        app_stop_usage(sim->self, "--save: trajectories need a file: give --out");
     read_events(all, events);
     choose_times(all);
-    o->varied = vary_parameters(all->varied);
-    if (vary_rows(all->varied) > 0 && values->ensemble > vary_rows(all->varied))
+    if (rows > 0 && values->ensemble > rows)
         app_stop_usage(sim->self, "--members: %s has %zu rows, fewer than --ensemble %llu", values->members,
-                       vary_rows(all->varied), (unsigned long long)values->ensemble);
+                       rows, (unsigned long long)values->ensemble);
     choose_members(all, &files->task);
     name_columns(all);
 }
@@ -485,16 +455,21 @@ void ensemble(simulation *sim, const ensemble_files *files) {
     const simulate_values *values = sim->values;
     const char *text = values->vary != NULL ? values->vary : sim->scene.ensemble;
     lg_ensemble_event events[LG_EVENTS_MAX];
+    lg_ensemble_stats stats;
     result total = {.what = NULL};
     APP_CLEAN(method_free) method chosen = method_choose(sim);
     check_control(sim, &chosen.scheme);
     APP_CLEAN(study_close) study all = {.sim = sim, .files = files, .total = &total};
-    all.varied = vary_open(sim, text, values->members);
-    prepare(&all, &chosen.scheme, events);
+    prepare(&all, &chosen.scheme, text, events);
     if (text[0] == '\0' && values->members == NULL && sim->scene.has_initial)
         app_warn(
             sim->self,
             "all members are the same, because nothing varies; give --vary, --members or the key `ensemble`");
     total.what = describe(&all, text);
-    run_and_show(&all);
+    run_or_stop(&all, &stats);
+    write_out(&all);
+    if (sim->self->ranks != NULL)
+        merge_ranks(&all);
+    else
+        ensemble_conclude(sim->self, &total, &stats, files->out);
 }

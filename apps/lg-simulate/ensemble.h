@@ -16,11 +16,10 @@ bool component_find(const simulation *sim, const char *name, size_t *index);
 
 char *trimmed(char *text); /* without blanks at its beginning and end, which is cut off */
 typedef struct vary vary;
-/* `text`: NAME = DISTRIBUTION, ...; `table`: path of a table with one row per member, or NULL. */
-vary *vary_open(const simulation *sim, const char *text, const char *table);
+/* `text`: NAME = DISTRIBUTION, ...; `table`: path of a table with one row per member, or NULL. *rows: number
+ * of rows of the table, 0 without; *parameters: whether parameters vary. */
+vary *vary_open(const simulation *sim, const char *text, const char *table, size_t *rows, bool *parameters);
 void vary_close(vary *self); /* NULL is allowed */
-bool vary_parameters(const vary *self);
-size_t vary_rows(const vary *self); /* number of rows of the table; 0 without a table */
 lg_status vary_draw(void *self, uint64_t member, double *y0, double *parameters);
 
 /* ---- parts of an ensemble (ensemble_parts.c) ---- */
@@ -99,19 +98,12 @@ lg_status result_write(const app *self, const char *path, result *what, const re
 /* The caller must free `out` after a failure, too. */
 lg_status result_read(const app *self, const char *path, result *out, lg_error *error);
 
-/* ensemble_report.c: results and plot of an ensemble. */
-typedef struct ensemble_run {
-    const result *what;
-    const lg_ensemble_stats *stats; /* NULL if the results were merged from files */
-    const char *out;
-} ensemble_run;
-/* Prints the results and warns of members that failed. If all failed, it ends the command with the exit code
- * of their most frequent status. */
-void ensemble_conclude(const app *self, const ensemble_run *run);
+/* ensemble_report.c: prints the results and warns of members that failed. If all failed, it ends the command
+ * with the exit code of their most frequent status. `stats` is NULL if the results were merged from files. */
+void ensemble_conclude(const app *self, const result *what, const lg_ensemble_stats *stats, const char *out);
 void ensemble_draw(const app *self, const result *what); /* to --plot; nothing without it */
 
-/* ensemble.c: runs the ensemble. Before the end the ranks exchange their statuses, so that a failure of one
- * rank is a failure of all. */
+/* ensemble.c: runs the ensemble. A failure of one rank is a failure of all. */
 void ensemble(simulation *sim, const ensemble_files *files);
 /* merge.c: merge_parts writes one file from the parts and prints its results; merge_main is the command
  * lg-simulate merge OUT.h5 PARTS... */

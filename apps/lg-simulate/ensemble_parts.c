@@ -16,17 +16,17 @@ static ensemble_task read_task(const app *self, const char *text) {
 static char *insert(const char *path, const char *text) {
     const char *dot = strrchr(path, '.'), *slash = strrchr(path, '/');
     const bool ending = dot != NULL && (slash == NULL || dot > slash);
-    const int stem = (int)(ending ? (size_t)(dot - path) : strlen(path));
-    const size_t size = strlen(path) + strlen(text) + 1;
+    const size_t stem = ending ? (size_t)(dot - path) : strlen(path), size = strlen(path) + strlen(text) + 1;
     char *out = app_keep(size, 1);
-    (void)snprintf(out, size, "%.*s%s%s", stem, path, text, path + stem);
+    (void)snprintf(out, size, "%.*s%s%s", (int)stem, path, text, path + stem);
     return out;
 }
 
 char *part_path(const char *out, const ensemble_task *task) {
-    if (task->count == 0) return insert(out, "");
-    APP_FREE char *which =
-        app_format(".part-%llu-of-%llu", (unsigned long long)task->index, (unsigned long long)task->count);
+    char which[64] = "";
+    if (task->count > 0)
+        (void)snprintf(which, sizeof which, ".part-%llu-of-%llu", (unsigned long long)task->index,
+                       (unsigned long long)task->count);
     return insert(out, which);
 }
 
@@ -43,5 +43,5 @@ void ensemble_files_choose(const app *self, const simulate_values *values, ensem
     if (values->ensemble > 0) out->task = read_task(self, values->task);
     if (values->out == NULL) return;
     out->out = part_path(values->out, &out->task);
-    if (values->save != NULL) out->trajectories = rows_path(out->out);
+    if (values->save > 0) out->trajectories = rows_path(out->out);
 }

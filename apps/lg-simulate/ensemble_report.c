@@ -65,9 +65,8 @@ static void put_events(app_json *out, const result *what) {
     app_result_rows_end(out);
 }
 
-static void report_ensemble(const app *self, const ensemble_run *run) {
-    const result *what = run->what;
-    app_json *out = self->out;
+static void report_ensemble(app_json *out, const result *what, const lg_ensemble_stats *stats,
+                            const char *path) {
     app_result_text(out, "ensemble", what->what, NULL);
     app_result_size(out, "total", what->total, "members of the ensemble");
     app_result_size(out, "first", what->first, NULL);
@@ -75,10 +74,10 @@ static void report_ensemble(const app *self, const ensemble_run *run) {
     app_json_size(out, "block", what->block);
     app_result_size(out, "steps", what->steps, "of all members");
     app_result_size(out, "rejected", what->rejected, NULL);
-    if (run->stats != NULL) {
-        app_result_size(out, "lanes", run->stats->lanes, "1: one member at a time");
-        app_result_real(out, "occupancy", run->stats->occupancy, "part of the lanes in use");
-        app_result_real(out, "seconds", run->stats->seconds, NULL);
+    if (stats != NULL) {
+        app_result_size(out, "lanes", stats->lanes, "1: one member at a time");
+        app_result_real(out, "occupancy", stats->occupancy, "part of the lanes in use");
+        app_result_real(out, "seconds", stats->seconds, NULL);
     }
     put_failures(out, what);
     if (what->members == 0)
@@ -88,19 +87,18 @@ static void report_ensemble(const app *self, const ensemble_run *run) {
                         (unsigned long long)what->block, (unsigned long long)what->total);
     put_states(out, what);
     put_events(out, what);
-    app_result_text(out, "out", run->out, NULL);
+    app_result_text(out, "out", path, NULL);
     app_result_size(out, "points", what->points, NULL);
 }
 
-void ensemble_conclude(const app *self, const ensemble_run *run) {
-    const result *what = run->what;
+void ensemble_conclude(const app *self, const result *what, const lg_ensemble_stats *stats, const char *out) {
     const uint64_t failed = result_failed(what);
     const bool all = failed > 0 && failed == what->total;
     size_t most = 0;
     if (failed > 0 && !all)
         app_warn(self, "%llu of %llu members failed; the statistics include them up to their failure",
                  (unsigned long long)failed, (unsigned long long)what->members);
-    report_ensemble(self, run);
+    report_ensemble(self->out, what, stats, out);
     app_result_end(self);
     for (size_t i = 0; i < STATUSES; i++)
         if (what->failed[i] > what->failed[most]) most = i;

@@ -19,29 +19,19 @@ static char *read_text(const app *self, const char *path) {
     return text;
 }
 
-/* Parses numbers separated by commas, blanks or line ends, and counts all of them; the first `room` are
- * stored. False: the word `bad` is not a number. */
-static bool parse_weights(char *text, double *out, size_t room, size_t *count, const char **bad) {
-    const char *const between = ", \t\r\n";
-    *count = 0;
-    for (char *save = NULL, *word = strtok_r(text, between, &save); word != NULL;
-         word = strtok_r(NULL, between, &save)) {
-        double value;
-        *bad = word;
-        if (lg_number_parse(word, &value) != LG_OK) return false;
-        if (*count < room) out[*count] = value;
-        ++*count;
-    }
-    return true;
-}
-
 void gradient_read(const simulation *sim, gradient *out) {
-    const char *given = sim->values->gradient, *bad = NULL;
+    static const char between[] = ", \t\r\n";
+    const char *given = sim->values->gradient;
     size_t count = 0;
     APP_FREE char *text = given[0] == '@' ? read_text(sim->self, given + 1) : app_format("%s", given);
     *out = (gradient){.count = sim->reported, .weights = app_keep(sim->dim, sizeof *out->weights)};
-    if (!parse_weights(text, out->weights, sim->reported, &count, &bad))
-        app_stop_usage(sim->self, "--gradient: '%.40s' is not a number", bad);
+    for (char *save = NULL, *word = strtok_r(text, between, &save); word != NULL;
+         word = strtok_r(NULL, between, &save), count++) {
+        double value;
+        if (lg_number_parse(word, &value) != LG_OK)
+            app_stop_usage(sim->self, "--gradient: '%.40s' is not a number", word);
+        if (count < sim->reported) out->weights[count] = value;
+    }
     if (count != sim->reported)
         app_stop_usage(sim->self, "--gradient: %zu weights, but the state has %zu numbers: %s", count,
                        sim->reported, lg_system_layout(sim->system));

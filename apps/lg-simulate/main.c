@@ -24,8 +24,9 @@ static const lg_field options[] = {
     APP_T_END(simulate_values, "Time of the last point (default: the scene's t_end)", .usual = true),
     LG_OPTION(simulate_values, theta, REAL, "TH",
               "Parameter of slgi, midpoint and implicit-euler: order 2 at 1/2, else 1", .high = 1),
-    LG_OPTION(simulate_values, dexpinv, STRING, "exact|K",
-              "RKMK methods: closed form, or the series up to ad^K, K = 0..10"),
+    LG_OPTION(simulate_values, dexpinv, U64, "exact|K",
+              "RKMK methods: closed form, or the series up to ad^K, K = 0..10", .high = LG_DEXPINV_MAX,
+              LG_NAMES("exact")),
     APP_OUT(simulate_values, "FILE.h5", "Write the trajectory (HDF5)", .usual = true),
     APP_POINTS(simulate_values,
                "Number of equidistant points of the trajectory, including the start (default 501, or "
@@ -64,13 +65,13 @@ static const lg_field options[] = {
     LG_OPTION(simulate_values, members, STRING, "FILE.csv|.h5|.npy",
               "A table with one row per member; its columns have the names of numbers of the state or of "
               "parameters (q1.x, m2)",
-              .needs = "ensemble"),
+              .needs = "ensemble", .file = LG_FILE_READ),
     LG_OPTION(
         simulate_values, event, STRING, "NAME=VALUE,...",
         "Times when a number of the state first passes a value; NAME>VALUE upwards, NAME<VALUE downwards",
         .needs = "ensemble"),
-    LG_OPTION(simulate_values, save, STRING, "all|K",
-              "Keep the trajectories of all or of the first K members", .needs = "ensemble"),
+    LG_OPTION(simulate_values, save, U64, "all|K", "Keep the trajectories of all or of the first K members",
+              .needs = "ensemble", .low = 1, .high = MEMBERS_MAX, LG_NAMES("all")),
     TRIALS_TASK(simulate_values, task,
                 "Run part i of n (i from 0) of the ensemble and write a file for `lg-simulate merge OUT.h5 "
                 "PARTS...`",
@@ -88,93 +89,11 @@ static void check_outputs(const app *self, const ensemble_files *files) {
     const bool weights = values.gradient != NULL && values.gradient[0] == '@';
     const app_path paths[] = {{"scheme", values.scheme, LG_FILE_READ},
                               {"gradient", weights ? values.gradient + 1 : NULL, LG_FILE_READ},
-                              {"members", values.members, LG_FILE_READ},
                               {"out", files->out, LG_FILE_WRITTEN},
                               {"save", files->trajectories, LG_FILE_WRITTEN},
                               /* Rank 0 merges the parts of all ranks into the file of --out. */
                               {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN}};
     app_check_outputs(self, paths, LG_COUNT(paths));
-}
-
-/* ---- one run ---- */
-
-static void fail_run(const simulation *sim, const plan *how, const outcome *run, lg_status status,
-                     const lg_error *error) {
-    const app *self = sim->self;
-    const char *name = how->scheme->name;
-    switch (status) {
-    case LG_CANCELLED:
-        app_stop(self, status, "stopped by %s at t = %g", app_stopper(), run->t);
-    case LG_STEP_TOO_SMALL:
-        app_stop(
-            self, status,
-            "%s: the step size fell below the rounding of time at t = %.17g, after %zu steps; try a larger "
-            "--tolerance or --atol",
-            name, run->t, run->stats.steps);
-    case LG_TOO_MANY_STEPS:
-        app_stop(self, status, "%s: reached only t = %g in %zu steps (--max-steps); t_end is %g", name,
-                 run->t, how->control.max_steps, how->t_end);
-    case LG_NOT_FINITE:
-        app_stop(self, status, "%s: the state is not finite in the step from t = %g, after %zu steps", name,
-                 run->t, run->stats.steps);
-    case LG_NO_CONVERGENCE:
-        app_stop(self, status,
-                 "%s: Newton's method does not converge in the step from t = %g; give more steps", name,
-                 run->t);
-    default:
-        app_stop(self, status, "%s: %s", name, app_sentence(status, error));
-    }
-}
-
-/* Writes the points that were reached before Ctrl-C to --out. */
-static void keep_begun(const report *what, samples *path) {
-    lg_error error = {LG_OK, ""};
-    while (path->kept > 0 && path->t[path->first + path->kept - 1] > what->run->t) path->kept--;
-    if (values.out == NULL || path->kept == 0) return;
-    if (write_trajectory(what, &error) == LG_OK)
-        app_warn(what->sim->self, "%s holds the %zu points reached", values.out, path->kept);
-}
-
-/* Integrates from the start to the times of `path`, observed by `seen`. */
-static void run_plan(const report *what, const plan *how, watch *seen, samples *path, outcome *out) {
-    const simulation *sim = what->sim;
-    lg_error error = {LG_OK, ""};
-    memcpy(path->y, sim->scene.state, sim->dim * sizeof *path->y);
-    const lg_status status = integrate(sim, how, path->y, path->y + sim->dim, out, &error);
-    out->seconds -= seen->spent;
-    if (out->seconds < 0) out->seconds = 0;
-    if (status == LG_CANCELLED) keep_begun(what, path);
-    if (status != LG_OK) fail_run(sim, how, out, status, &error);
-    watch_warn(seen, how, out);
-}
-
-static void run_once(const simulation *sim) {
-    plan how;
-    outcome run = {.t = 0};
-    samples path = {0};
-    gradient slope = {0};
-    watch seen = {.sim = NULL};
-    app_plot_check(sim->self, simulate_has(sim));
-    APP_CLEAN(method_free) method chosen = method_choose(sim);
-    const bool sloped = values.gradient != NULL;
-    const report what = {sim, &how, &run, &seen, &path, sloped ? &slope : NULL};
-    plan_init(sim, &chosen.scheme, &how);
-    check_control(sim, &chosen.scheme);
-    samples_choose(sim, &how, values.out != NULL || app_plot_given.plot != NULL, &path);
-    if (sloped) gradient_read(sim, &slope);
-    watch_begin(&seen, sim, app_plot_given.plot != NULL, sloped, sim->scene.state);
-    how.times = path.t + 1;
-    how.count = path.count - 1;
-    how.control.observe = watch_step;
-    how.control.observer = &seen;
-    run_plan(&what, &how, &seen, &path, &run);
-    if (sloped)
-        gradient_compute(sim, &chosen.scheme, &seen, &slope);
-    else
-        horizon_warn(sim, &how, path.y + (path.count - 1) * sim->dim);
-    if (values.out != NULL) APP_MUST_FILE(sim->self, values.out, write_trajectory(&what, &error));
-    app_plot_draw(sim->self, simulate_has(sim), &what);
-    report_run(&what);
 }
 
 static void run(app *self) {
@@ -202,13 +121,9 @@ static void run(app *self) {
 enum { AMBIENT, SPLITTING, VARIATIONAL, LIE, COTANGENT, ADAPTIVE, GROUPS };
 
 static bool belongs(const lg_scheme *scheme, int group) {
-    const bool splitting = scheme->kind == LG_SCHEME_SPLITTING, cotangent = scheme->kind == LG_SCHEME_SLGI,
-               variational = scheme->kind == LG_SCHEME_VARIATIONAL;
-    const bool does[GROUPS] = {
-        [AMBIENT] = scheme->ambient, [SPLITTING] = splitting,
-        [VARIATIONAL] = variational, [LIE] = !scheme->ambient && !splitting && !variational && !cotangent,
-        [COTANGENT] = cotangent,     [ADAPTIVE] = scheme->embedded_order > 0};
-    return does[group];
+    static const int of_kind[LG_SCHEME_KINDS] = {LIE, LIE, SPLITTING, AMBIENT, COTANGENT, VARIATIONAL};
+    if (group == ADAPTIVE) return scheme->embedded_order > 0;
+    return group == (scheme->ambient ? AMBIENT : of_kind[scheme->kind]);
 }
 
 static char *describe_methods(void) {

@@ -164,7 +164,7 @@ void merge_parts(const app *self, const char *out, const char *const *paths, siz
     const result_rows rows = {list.rows, list.row_count, list.dim};
     APP_MUST_FILE(self, out, result_write(self, out, whole, list.row_count > 0 ? &rows : NULL, &error));
     ensemble_draw(self, whole);
-    ensemble_conclude(self, &(ensemble_run){whole, NULL, out});
+    ensemble_conclude(self, whole, NULL, out);
 }
 
 static void run(app *self) {

@@ -83,20 +83,15 @@ static void set_theta(const simulation *sim, lg_scheme *scheme) {
 }
 
 static void set_dexpinv(const simulation *sim, lg_scheme *scheme) {
-    const char *text = sim->values->dexpinv;
-    uint64_t terms = 0;
-    const bool exact = strcmp(text, "exact") == 0;
-    if (!exact && (lg_integer_parse(text, &terms) != LG_OK || terms > LG_DEXPINV_MAX))
-        app_stop_usage(sim->self, "--dexpinv: '%s' is neither `exact` nor a whole number up to %d", text,
-                       LG_DEXPINV_MAX);
+    const uint64_t terms = sim->values->dexpinv;
     if (scheme->kind != LG_SCHEME_RKMK || scheme->ambient)
         app_stop_usage(sim->self, "--dexpinv: '%s' has no dexpinv; RKMK methods have one", scheme->name);
-    scheme->dexpinv = exact ? LG_DEXPINV_EXACT : (int)terms;
+    scheme->dexpinv = terms > LG_DEXPINV_MAX ? LG_DEXPINV_EXACT : (int)terms;
 }
 
 void method_adjust(const simulation *sim, method *what) {
     if (app_given(sim->self, "theta")) set_theta(sim, &what->scheme);
-    if (sim->values->dexpinv != NULL) set_dexpinv(sim, &what->scheme);
+    if (app_given(sim->self, "dexpinv")) set_dexpinv(sim, &what->scheme);
 }
 
 method method_choose(const simulation *sim) {

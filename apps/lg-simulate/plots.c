@@ -7,19 +7,13 @@
 
 enum { MAX_CURVES = 9, MAX_BLOCKS = 3, SNAPSHOTS = 6 };
 
-typedef struct drawing {
-    const report *what;
-    const simulation *sim;
-    app_plot *plot;
-} drawing;
-
 /* The state at point i of the trajectory, and the times of all points. */
-static const double *state_at(const drawing *from, size_t i) {
-    return from->what->path->y + (from->what->path->first + i) * from->sim->dim;
+static const double *state_at(const report *what, size_t i) {
+    return what->path->y + (what->path->first + i) * what->sim->dim;
 }
 
-static const double *time_at(const drawing *from) {
-    return from->what->path->t + from->what->path->first;
+static const double *time_at(const report *what) {
+    return what->path->t + what->path->first;
 }
 
 /* ---- components ---- */
@@ -44,28 +38,23 @@ static const char *unit_of(const simulation *sim, const char *key) {
 }
 
 /* Adds a symbol such as q_{2,x} to the texts. */
-static void put_symbol(drawing *to, const block *at, size_t component) {
-    char below[48] = "";
-    if (at->count == 9)
-        (void)snprintf(below, sizeof below, "%zu%zu", component / 3 + 1, component % 3 + 1);
-    else if (at->count == 3)
-        (void)snprintf(below, sizeof below, "%c", "xyz"[component]);
-    else if (at->count > 1)
-        (void)snprintf(below, sizeof below, "%zu", component + 1);
+static void put_symbol(app_plot *plot, const block *at, size_t component) {
+    char below[48];
+    block_part(at, component, below, sizeof below);
     const char *symbol = symbol_of(at->key), *comma = below[0] != '\0' ? "," : "";
     if (at->index > 0)
-        app_plot_text(to->plot, "%s_{%zu%s%s}", symbol, at->index, comma, below);
+        app_plot_text(plot, "%s_{%zu%s%s}", symbol, at->index, comma, below);
     else
-        app_plot_text(to->plot, below[0] != '\0' ? "%s_{%s}" : "%s", symbol, below);
+        app_plot_text(plot, below[0] != '\0' ? "%s_{%s}" : "%s", symbol, below);
 }
 
 /* Draws up to three blocks with this key: the first, a middle one and the last. The title is such as
  * "components of q" or "components of q_1, q_10, q_20 (of 20)". */
-static void put_components(drawing *to, const char *key) {
-    const simulation *sim = to->sim;
+static void put_components(app_plot *plot, const report *what, const char *key) {
+    const simulation *sim = what->sim;
     const block *of[MAX_BLOCKS];
     const size_t width = find_block(sim, key, 1)->count, fit = width < MAX_CURVES ? MAX_CURVES / width : 1;
-    app_plot_column columns[1 + MAX_BLOCKS] = {{time_at(to), 1, 1}};
+    app_plot_column columns[1 + MAX_BLOCKS] = {{time_at(what), 1, 1}};
     size_t all = 0;
     for (size_t i = 0; i < sim->block_count; i++) all += strcmp(sim->blocks[i].key, key) == 0;
     size_t shown = fit < MAX_BLOCKS ? fit : MAX_BLOCKS;
@@ -78,89 +67,87 @@ static void put_components(drawing *to, const char *key) {
     }
     if (shown < all) lg_text_add(&title, " (of %zu)", all);
     const size_t each = width < MAX_CURVES ? width : MAX_CURVES;
-    app_plot_text(to->plot, "components\t%s\t%s%s\t%zu", title.data, symbol_of(key), unit_of(sim, key),
+    app_plot_text(plot, "components\t%s\t%s%s\t%zu", title.data, symbol_of(key), unit_of(sim, key),
                   shown * each);
     for (size_t k = 0; k < shown; k++) {
-        for (size_t c = 0; c < each; c++) put_symbol(to, of[k], c);
-        columns[1 + k] = (app_plot_column){state_at(to, 0) + of[k]->offset, sim->dim, each};
+        for (size_t c = 0; c < each; c++) put_symbol(plot, of[k], c);
+        columns[1 + k] = (app_plot_column){state_at(what, 0) + of[k]->offset, sim->dim, each};
     }
-    app_plot_columns(to->plot, 9, to->what->path->kept, columns, 1 + shown);
-    app_plot_block(to->plot);
+    app_plot_columns(plot, 9, what->path->kept, columns, 1 + shown);
+    app_plot_block(plot);
 }
 
 /* The first component of q against the first component of p, on R^2n. */
-static void put_phase(drawing *to, const block *q, const block *p) {
-    app_plot_text(to->plot, q->count > 1 ? "phase\tq_1\tp_1" : "phase\tq\tp");
-    APP_PLOT_COLUMNS(to->plot, 9, to->what->path->kept, {state_at(to, 0) + q->offset, to->sim->dim, 1},
-                     {state_at(to, 0) + p->offset, to->sim->dim, 1});
-    app_plot_block(to->plot);
+static void put_phase(app_plot *plot, const report *what, const block *q, const block *p) {
+    app_plot_text(plot, q->count > 1 ? "phase\tq_1\tp_1" : "phase\tq\tp");
+    APP_PLOT_COLUMNS(plot, 9, what->path->kept, {state_at(what, 0) + q->offset, what->sim->dim, 1},
+                     {state_at(what, 0) + p->offset, what->sim->dim, 1});
+    app_plot_block(plot);
 }
 
 /* ---- panels ---- */
 
-/* Draws over time the drift of the invariants, the distance from the manifold, or the sizes of the steps. */
-static void put_steps(drawing *to, const char *kind) {
+/* Draws over time the drift of the invariants, the distance from the manifold, the sizes of the steps, or the
+ * components of the blocks with this key. */
+static void put_panel(app_plot *plot, const report *what, const char *kind) {
     const bool named = strcmp(kind, "invariants") == 0;
-    const size_t count = named ? lg_system_invariants(to->sim->system) : 0;
-    app_plot_text(to->plot, named ? "%s\t%zu" : "%s", kind, count);
+    const size_t count = named ? lg_system_invariants(what->sim->system) : 0;
+    if (find_block(what->sim, kind, 1) != NULL) {
+        put_components(plot, what, kind);
+        return;
+    }
+    app_plot_text(plot, named ? "%s\t%zu" : "%s", kind, count);
     for (size_t i = 0; i < count; i++)
-        app_plot_text(to->plot, "%s", lg_system_invariant_name(to->sim->system, i));
+        app_plot_text(plot, "%s", lg_system_invariant_name(what->sim->system, i));
 }
 
-static void put_overview(drawing *to) {
-    const simulation *sim = to->sim;
+static void put_overview(app_plot *plot, const report *what) {
+    const simulation *sim = what->sim;
     const block *q = find_block(sim, "q", 1), *p = find_block(sim, "p", 1);
+    const bool constrained = lg_system_constrained(sim->system);
     const char *first = sim->blocks[0].key, *second = first;
     for (size_t i = sim->block_count; i-- > 1;)
         if (strcmp(sim->blocks[i].key, first) != 0) second = sim->blocks[i].key;
-    put_components(to, first);
-    if (to->what->seen->invariants > 0)
-        put_steps(to, "invariants");
+    put_panel(plot, what, first);
+    put_panel(plot, what, what->seen->invariants > 0 ? "invariants" : second);
+    if (!constrained && q != NULL && p != NULL)
+        put_phase(plot, what, q, p);
     else
-        put_components(to, second);
-    if (lg_system_constrained(sim->system))
-        put_steps(to, "manifold");
-    else if (q != NULL && p != NULL)
-        put_phase(to, q, p);
-    else
-        put_components(to, second);
-    if (to->what->how->control.steps == 0)
-        put_steps(to, "steps");
-    else
-        put_components(to, second);
+        put_panel(plot, what, constrained ? "manifold" : second);
+    put_panel(plot, what, what->how->control.steps == 0 ? "steps" : second);
 }
 
-static void put_components_of_all(drawing *to) {
-    for (const block *at = to->sim->blocks; at < to->sim->blocks + to->sim->block_count; at++)
-        if (find_block(to->sim, at->key, 1) == at) put_components(to, at->key);
+static void put_components_of_all(app_plot *plot, const report *what) {
+    for (const block *at = what->sim->blocks; at < what->sim->blocks + what->sim->block_count; at++)
+        if (find_block(what->sim, at->key, 1) == at) put_components(plot, what, at->key);
 }
 
 /* ---- space ---- */
 
 /* Writes the point that leaves a path; with `whole` a snapshot of all. */
-typedef void put_motion(drawing *to, const double *y, bool whole);
+typedef void put_motion(app_plot *plot, const report *what, const double *y, bool whole);
 
-static void put_chain(drawing *to, const double *y, bool whole) {
+static void put_chain(app_plot *plot, const report *what, const double *y, bool whole) {
     size_t links = 0;
-    const double *lengths = parameter_values(to->sim, "lengths", &links);
+    const double *lengths = parameter_values(what->sim, "lengths", &links);
     double x[3] = {0, 0, 0};
-    if (whole) app_plot_numbers(to->plot, 9, x, 3);
+    if (whole) app_plot_numbers(plot, 9, x, 3);
     for (size_t i = 0; i < links; i++) {
-        const double *q = y + find_block(to->sim, "q", i + 1)->offset;
+        const double *q = y + find_block(what->sim, "q", i + 1)->offset;
         for (size_t c = 0; c < 3; c++) x[c] += lengths[i] * q[c];
-        if (whole || i + 1 == links) app_plot_numbers(to->plot, 9, x, 3);
+        if (whole || i + 1 == links) app_plot_numbers(plot, 9, x, 3);
     }
 }
 
 /* The link and the two arms of each quadrotor: the beginning of a line and its vector. */
-static void put_quadrotors(drawing *to, const double *y, bool whole) {
+static void put_quadrotors(app_plot *plot, const report *what, const double *y, bool whole) {
     size_t count = 0;
-    const double *lengths = parameter_values(to->sim, "lengths", &count);
-    const double *payload = y + find_block(to->sim, "y", 1)->offset;
-    if (!whole) app_plot_numbers(to->plot, 9, payload, 3);
+    const double *lengths = parameter_values(what->sim, "lengths", &count);
+    const double *payload = y + find_block(what->sim, "y", 1)->offset;
+    if (!whole) app_plot_numbers(plot, 9, payload, 3);
     for (size_t i = 0; i < count && whole; i++) {
-        const double *q = y + find_block(to->sim, "q", i + 1)->offset,
-                     *R = y + find_block(to->sim, "R", i + 1)->offset;
+        const double *q = y + find_block(what->sim, "q", i + 1)->offset,
+                     *R = y + find_block(what->sim, "R", i + 1)->offset;
         double line[3][6];
         for (int c = 0; c < 3; c++) {
             line[2][c] = payload[c];
@@ -170,7 +157,7 @@ static void put_quadrotors(drawing *to, const double *y, bool whole) {
                 line[arm][3 + c] = 0.4 * R[3 * c + arm];
             }
         }
-        for (int k = 0; k < 3; k++) app_plot_numbers(to->plot, 9, line[k], 6);
+        for (int k = 0; k < 3; k++) app_plot_numbers(plot, 9, line[k], 6);
     }
 }
 
@@ -182,7 +169,7 @@ typedef struct sphere_curve {
 
 /* Plots by system: curves on the sphere or a motion. Of several rows for a system the first one whose
  * curve is part of the state. */
-static const struct {
+static const struct space_plot {
     const char *system, *title;
     sphere_curve curves[3];
     put_motion *motion;
@@ -197,45 +184,44 @@ static const struct {
     {"satellite", "axis of the body and direction of the pendulum",
      .curves = {{"R e_3", "R", NULL, 2}, {"pendulum q", "q", NULL, 0}}}};
 
-/* Returns the row of the system's plot, or LG_COUNT(plots) if there is none. */
-static size_t find_space(const simulation *sim) {
-    size_t i = 0;
-    for (; i < LG_COUNT(plots); i++)
-        if (strcmp(plots[i].system, lg_system_name(sim->system)) == 0 &&
-            (plots[i].motion != NULL || find_block(sim, plots[i].curves[0].key, 1) != NULL))
-            break;
-    return i;
+/* Returns the row of the system's plot, or NULL. */
+static const struct space_plot *find_space(const simulation *sim) {
+    for (const struct space_plot *at = plots; at < plots + LG_COUNT(plots); at++)
+        if (strcmp(at->system, lg_system_name(sim->system)) == 0 &&
+            (at->motion != NULL || find_block(sim, at->curves[0].key, 1) != NULL))
+            return at;
+    return NULL;
 }
 
-static void put_sphere(drawing *to, const sphere_curve *curve) {
+static void put_sphere(app_plot *plot, const report *what, const sphere_curve *curve) {
     double vector[3] = {0, 0, 0};
     size_t count = 0;
     vector[curve->axis] = 1;
-    const block *at = find_block(to->sim, curve->key, 1);
+    const block *at = find_block(what->sim, curve->key, 1);
     const double *by =
-        curve->parameter != NULL ? parameter_values(to->sim, curve->parameter, &count) : vector;
-    app_plot_text(to->plot, "%s", curve->title);
-    for (size_t i = 0; i < to->what->path->kept; i++) {
-        const double *x = state_at(to, i) + at->offset;
+        curve->parameter != NULL ? parameter_values(what->sim, curve->parameter, &count) : vector;
+    app_plot_text(plot, "%s", curve->title);
+    for (size_t i = 0; i < what->path->kept; i++) {
+        const double *x = state_at(what, i) + at->offset;
         double turned[3];
         for (int c = 0; c < 3; c++)
             turned[c] =
                 at->count == 3 ? x[c] : x[3 * c] * by[0] + x[3 * c + 1] * by[1] + x[3 * c + 2] * by[2];
-        app_plot_numbers(to->plot, 9, turned, 3);
+        app_plot_numbers(plot, 9, turned, 3);
     }
-    app_plot_block(to->plot);
+    app_plot_block(plot);
 }
 
 /* The path of one point of a moving system, and some snapshots of the whole. */
-static void put_path(drawing *to, put_motion *put) {
-    const size_t kept = to->what->path->kept, count = kept < SNAPSHOTS ? kept : (size_t)SNAPSHOTS;
-    app_plot_text(to->plot, "%zu", lg_system_links(to->sim->system));
-    for (size_t i = 0; i < kept; i++) put(to, state_at(to, i), false);
+static void put_path(app_plot *plot, const report *what, put_motion *put) {
+    const size_t kept = what->path->kept, count = kept < SNAPSHOTS ? kept : (size_t)SNAPSHOTS;
+    app_plot_text(plot, "%zu", lg_system_links(what->sim->system));
+    for (size_t i = 0; i < kept; i++) put(plot, what, state_at(what, i), false);
     for (size_t k = 0; k < count; k++) {
         const size_t at = count > 1 ? k * (kept - 1) / (count - 1) : 0;
-        app_plot_block(to->plot);
-        app_plot_text(to->plot, "t = %.3g s", time_at(to)[at]);
-        put(to, state_at(to, at), true);
+        app_plot_block(plot);
+        app_plot_text(plot, "t = %.3g s", time_at(what)[at]);
+        put(plot, what, state_at(what, at), true);
     }
 }
 
@@ -243,28 +229,26 @@ static void put_path(drawing *to, put_motion *put) {
 
 static void draw_space(app_plot *plot, const void *user) {
     const report *what = user;
-    const size_t row = find_space(what->sim);
-    drawing to = {what, what->sim, plot};
-    (void)app_plot_begin(plot, plots[row].motion != NULL ? "motion" : "sphere");
-    app_plot_text(plot, "%s", plots[row].title);
-    if (plots[row].motion != NULL) put_path(&to, plots[row].motion);
-    for (size_t c = 0; c < LG_COUNT(plots[row].curves) && plots[row].curves[c].key != NULL; c++)
-        put_sphere(&to, &plots[row].curves[c]);
+    const struct space_plot *row = find_space(what->sim);
+    (void)app_plot_begin(plot, row->motion != NULL ? "motion" : "sphere");
+    app_plot_text(plot, "%s", row->title);
+    if (row->motion != NULL) put_path(plot, what, row->motion);
+    for (size_t c = 0; c < LG_COUNT(row->curves) && row->curves[c].key != NULL; c++)
+        put_sphere(plot, what, &row->curves[c]);
 }
 
 /* The numbers of the steps, and the panels of the kind. */
 static void draw_run(app_plot *plot, const void *user) {
     const report *what = user;
     const trace *at = &what->seen->trace;
-    drawing to = {what, what->sim, plot};
     APP_PLOT_COLUMNS(plot, 9, at->count, {at->rows, at->width, at->width});
     app_plot_block(plot);
     if (strcmp(plot->kind, "overview") == 0)
-        put_overview(&to);
+        put_overview(plot, what);
     else if (strcmp(plot->kind, "components") == 0)
-        put_components_of_all(&to);
+        put_components_of_all(plot, what);
     else
-        put_steps(&to, plot->kind);
+        put_panel(plot, what, plot->kind);
 }
 
 enum { SPACE = 2 };
@@ -280,5 +264,5 @@ const app_plot_kind simulate_plots[] = {
 
 unsigned simulate_has(const simulation *sim) {
     (void)snprintf(no_space, sizeof no_space, "there is no spatial plot of %s", lg_system_name(sim->system));
-    return find_space(sim) < LG_COUNT(plots) ? SPACE : 0;
+    return find_space(sim) != NULL ? SPACE : 0;
 }

@@ -14,20 +14,12 @@
 enum { REPEATS = 200, CURVES = 32 };
 
 /* Default methods; those that apply to the system are used. */
-static const char *const on_manifolds[] = {"rk4", "dp54", "rk4-projected", "lie-euler", "rkmk4",
-                                           "cf4", "cf43", "slgi",          "rkmk54"};
-static const char *const on_rn[] = {"euler",
-                                    "implicit-euler",
-                                    "symplectic-euler",
-                                    "midpoint",
-                                    "stormer-verlet",
-                                    "forest-ruth",
-                                    "blanes-moan",
-                                    "rk4",
-                                    "dp54"};
+static const char on_manifolds[] = "rk4,dp54,rk4-projected,lie-euler,rkmk4,cf4,cf43,slgi,rkmk54",
+                  on_rn[] = "euler,implicit-euler,symplectic-euler,midpoint,stormer-verlet,forest-ruth,"
+                            "blanes-moan,rk4,dp54";
 
 typedef struct point {
-    size_t steps, rejected, evaluations;
+    lg_run_stats stats;
     double tol; /* 0 for equal steps */
     double seconds, error;
 } point;
@@ -56,11 +48,6 @@ static double distance(const diagram *d, const double *a, const double *b) {
     return sqrt(sum) / d->size;
 }
 
-static lg_status run_to_end(const diagram *d, const plan *how, double *y, outcome *out) {
-    lg_error error = {LG_OK, ""};
-    return integrate(d->sim, how, d->sim->scene.state, y, out, &error);
-}
-
 static void plan_of(const diagram *d, const lg_scheme *scheme, size_t steps, double tol, plan *out) {
     plan_init(d->sim, scheme, out);
     out->control.steps = steps;
@@ -78,9 +65,9 @@ static void find_reference(diagram *d) {
     outcome run;
     plan how;
     plan_of(d, scheme, 0, 10 * d->tol, &how);
-    lg_status status = run_to_end(d, &how, coarse, &run);
+    lg_status status = integrate(d->sim, &how, d->sim->scene.state, coarse, &run, NULL);
     plan_of(d, scheme, 0, d->tol, &how);
-    if (status == LG_OK) status = run_to_end(d, &how, d->y, &run);
+    if (status == LG_OK) status = integrate(d->sim, &how, d->sim->scene.state, d->y, &run, NULL);
     if (status == LG_CANCELLED) app_stop(self, status, "stopped by %s", app_stopper());
     if (status != LG_OK)
         app_stop(self, status, "the reference solution with %s at tolerance %g failed: %s (t = %g)",
@@ -100,13 +87,11 @@ static lg_status measure(const diagram *d, const plan *how, point *out) {
     lg_status status = LG_OK;
     out->seconds = HUGE_VAL;
     for (int i = 0; i < REPEATS && (i == 0 || spent < MIN_SECONDS) && status == LG_OK; i++) {
-        status = run_to_end(d, how, y, &run);
+        status = integrate(d->sim, how, d->sim->scene.state, y, &run, NULL);
         spent += run.cpu;
         out->seconds = fmin(out->seconds, run.cpu);
     }
-    out->steps = run.stats.steps;
-    out->rejected = run.stats.rejected;
-    out->evaluations = run.stats.evaluations;
+    out->stats = run.stats;
     out->tol = how->control.steps > 0 ? 0 : how->control.rtol;
     out->error = distance(d, y, d->y);
     return status == LG_OK && !isfinite(out->error) ? LG_NOT_FINITE : status;
@@ -145,10 +130,12 @@ static void add_curve(diagram *d, method what) {
     d->curves[d->count++] = (curve){.what = what, .adaptive = what.scheme.embedded_order > 0};
 }
 
-static void add_named(diagram *d, const char *list) {
+/* Adds the methods of a list; of the default list (not `asked`) those that apply. */
+static void add_list(diagram *d, const char *list, bool asked) {
     APP_FREE char *names = app_format("%s", list);
     for (char *save = NULL, *name = strtok_r(names, ",", &save); name != NULL;
          name = strtok_r(NULL, ",", &save)) {
+        if (!asked && method_obstacle(d->sim, lg_scheme_find(name)) != NULL) continue;
         if (d->count == CURVES)
             app_stop_usage(d->sim->self, "--schemes: at most %d schemes can be given", CURVES);
         add_curve(d, method_named(d->sim, "schemes", name));
@@ -156,30 +143,12 @@ static void add_named(diagram *d, const char *list) {
     if (d->count == 0) app_stop_usage(d->sim->self, "--schemes: the list has no name");
 }
 
-static void add_default(diagram *d, bool flat) {
-    const char *const *names = flat ? on_rn : on_manifolds;
-    const size_t count = flat ? LG_COUNT(on_rn) : LG_COUNT(on_manifolds);
-    for (size_t i = 0; i < count; i++) {
-        const lg_scheme *scheme = lg_scheme_find(names[i]);
-        if (scheme == NULL || method_obstacle(d->sim, scheme) != NULL) continue;
-        add_curve(d, (method){.scheme = *scheme});
-    }
-}
-
-static void choose_methods(diagram *d) {
-    const simulate_values *values = d->sim->values;
-    if (values->schemes != NULL)
-        add_named(d, values->schemes);
-    else
-        add_default(d, lg_space_is_abelian(lg_system_space(d->sim->system)));
-    if (values->scheme != NULL) add_curve(d, method_named(d->sim, "scheme", values->scheme));
-}
-
 /* ---- results ---- */
 
 /* Order observed between point i - 1 and point i, if the number of equal steps doubles; otherwise NaN. */
 static double order_at(const curve *at, size_t i) {
-    if (at->adaptive || i == 0 || at->points[i].steps != 2 * at->points[i - 1].steps) return (double)NAN;
+    if (at->adaptive || i == 0 || at->points[i].stats.steps != 2 * at->points[i - 1].stats.steps)
+        return (double)NAN;
     return log2(at->points[i - 1].error / at->points[i].error);
 }
 
@@ -188,8 +157,8 @@ static void put_point(app_json *out, const curve *at, size_t i) {
     app_json_open(out, NULL, '{');
     app_json_text(out, "method", at->what.scheme.name);
     if (p->tol > 0 || out->people) app_json_real(out, "tol", p->tol > 0 ? p->tol : (double)NAN);
-    APP_PUT(out, LG_AS_WHOLE("steps", p->steps), LG_AS_WHOLE("rejected", p->rejected),
-            LG_AS_WHOLE("evaluations", p->evaluations), LG_AS_REAL("seconds", p->seconds),
+    APP_PUT(out, LG_AS_WHOLE("steps", p->stats.steps), LG_AS_WHOLE("rejected", p->stats.rejected),
+            LG_AS_WHOLE("evaluations", p->stats.evaluations), LG_AS_REAL("seconds", p->seconds),
             LG_AS_REAL("error", p->error));
     if (out->people) app_json_real(out, "order", order_at(at, i));
     app_json_close(out, '}');
@@ -222,7 +191,7 @@ static void draw(const diagram *d) {
         if (at->count == 0) continue;
         app_plot_text(&plot, "%s", at->what.scheme.name);
         for (size_t i = 0; i < at->count; i++)
-            APP_PLOT_ROW(&plot, 9, at->points[i].seconds, (double)at->points[i].evaluations,
+            APP_PLOT_ROW(&plot, 9, at->points[i].seconds, (double)at->points[i].stats.evaluations,
                          fmax(at->points[i].error, 1e-17));
         app_plot_block(&plot);
     }
@@ -255,11 +224,14 @@ static void diagram_free(diagram *d) {
 
 void work_precision(simulation *sim) {
     const bool flat = lg_space_is_abelian(lg_system_space(sim->system));
+    const simulate_values *values = sim->values;
+    const char *list = values->schemes != NULL ? values->schemes : flat ? on_rn : on_manifolds;
     APP_CLEAN(diagram_free)
     diagram d = {.sim = sim, .reference = flat ? "dp54" : "rkmk54", .tol = 1e-13, .size = 1};
     d.y = app_keep(sim->dim, sizeof *d.y);
     d.curves = app_keep(CURVES + 1, sizeof *d.curves);
-    choose_methods(&d);
+    add_list(&d, list, values->schemes != NULL);
+    if (values->scheme != NULL) add_curve(&d, method_named(sim, "scheme", values->scheme));
     find_reference(&d);
     fill(&d);
     draw(&d);

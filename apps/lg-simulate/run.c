@@ -1,7 +1,10 @@
-/* An integration with equal or adaptive steps, which Ctrl-C can end. */
+/* An integration with equal or adaptive steps, which Ctrl-C can end, and the run that the program is for,
+ * which is observed, written to --out, drawn and reported. */
+#include "common/train.h"
 #include "lg-simulate/simulate.h"
 
 #include <math.h>
+#include <string.h>
 #include <time.h>
 
 static double cpu_seconds(void) {
@@ -57,4 +60,243 @@ lg_status integrate(const simulation *sim, const plan *how, const double *y0, do
     out->cpu = cpu_seconds() - begin_cpu;
     lg_stepper_destroy(stepper);
     return status;
+}
+
+/* ---- whether a result can be known at its tolerance ---- */
+
+/* Number of times at which two runs are compared, to find when they separate. */
+enum { MOMENTS = 200 };
+
+/* A warning is printed if the relative difference exceeds both TOLD and the square root of the larger of the
+ * two tolerances. */
+#define TOLD 1e-2
+
+/* Sizes of the parts of a state. All blocks with the same key form a part: all q_i, or all omega_i. */
+typedef struct sizes {
+    const simulation *sim;
+    size_t *part; /* (blocks): index of the first block with the same key */
+    /* (blocks), used at first blocks only: largest |y_i| in the run; largest difference of two states. */
+    double *largest, *apart;
+} sizes;
+
+static sizes sizes_of(const simulation *sim) {
+    const size_t count = sim->block_count;
+    sizes self = {sim, app_keep(count, sizeof *self.part), app_keep(count, sizeof *self.largest),
+                  app_keep(count, sizeof *self.apart)};
+    for (size_t b = 0; b < count; b++)
+        while (strcmp(sim->blocks[self.part[b]].key, sim->blocks[b].key) != 0) self.part[b]++;
+    return self;
+}
+
+/* into[part] = max(into[part], |x_i - y_i| over the part); y NULL: 0. */
+static void widen(const sizes *self, const double *x, const double *y, double *into) {
+    for (size_t b = 0; b < self->sim->block_count; b++) {
+        const block *at = &self->sim->blocks[b];
+        double *most = &into[self->part[b]];
+        for (size_t i = at->offset; i < at->offset + at->count; i++)
+            *most = fmax(*most, fabs(x[i] - (y != NULL ? y[i] : 0)));
+    }
+}
+
+static lg_status look_at_sizes(void *user, double t, double h, const double *y) {
+    const sizes *self = user;
+    (void)t;
+    (void)h;
+    widen(self, y, NULL, self->largest);
+    return LG_OK;
+}
+
+/* Relative difference of two states, in the part of the state where it is smallest. Other parts can mislead:
+ * the velocities of a body at rest are only rounding errors, and differ by as much as their size. */
+static double difference(const sizes *self, const double *x, const double *y) {
+    double least = INFINITY;
+    for (size_t b = 0; b < self->sim->block_count; b++) self->apart[b] = 0;
+    widen(self, x, y, self->apart);
+    for (size_t b = 0; b < self->sim->block_count; b++)
+        if (self->largest[b] > 0) least = fmin(least, self->apart[b] / self->largest[b]);
+    return isfinite(least) ? least : 0;
+}
+
+/* The first of the compared times at which the runs differ by more than `bound`; t_end if there is none. */
+static double parting(const simulation *sim, plan fine, plan coarse, const sizes *size, double bound) {
+    double t[MOMENTS], found = fine.t_end;
+    APP_FREE double *a = app_alloc(2 * MOMENTS * sim->dim, sizeof *a);
+    double *b = a + MOMENTS * sim->dim;
+    outcome run;
+    for (size_t i = 0; i < MOMENTS; i++) t[i] = fine.t_end * ((double)(i + 1) / MOMENTS);
+    fine.times = coarse.times = t;
+    fine.count = coarse.count = MOMENTS;
+    fine.control.observe = coarse.control.observe = NULL;
+    if (integrate(sim, &fine, sim->scene.state, a, &run, NULL) == LG_OK &&
+        integrate(sim, &coarse, sim->scene.state, b, &run, NULL) == LG_OK)
+        for (size_t i = MOMENTS; i-- > 0;)
+            if (difference(size, a + i * sim->dim, b + i * sim->dim) > bound) found = t[i];
+    return found;
+}
+
+/* If the steps are adaptive, repeats the run with ten times the tolerance. Warns if the final state y (dim)
+ * differs so much that only few of its digits can be right. */
+static void horizon_warn(const simulation *sim, const plan *how, const double *y) {
+    const double coarse_tolerance = 10 * how->control.rtol, bound = fmax(TOLD, sqrt(coarse_tolerance));
+    plan coarse = *how;
+    outcome run;
+    if (how->control.steps > 0 || coarse_tolerance >= 1) return;
+    sizes size = sizes_of(sim);
+    APP_FREE double *end = app_alloc(sim->dim, sizeof *end);
+    (void)look_at_sizes(&size, 0, 0, sim->scene.state);
+    coarse.control.rtol = coarse_tolerance;
+    coarse.control.atol *= 10;
+    coarse.times = &how->t_end;
+    coarse.count = 1;
+    coarse.control.observe = look_at_sizes;
+    coarse.control.observer = &size;
+    if (integrate(sim, &coarse, sim->scene.state, end, &run, NULL) == LG_OK) {
+        const double apart = difference(&size, y, end);
+        if (apart > bound)
+            app_warn(sim->self,
+                     "from t = %.4g on the result is not reliable: a run at ten times the tolerance differs "
+                     "from it by %.2g of the size of the state there, and by %.2g at the end; give a "
+                     "smaller --tolerance, or ask for statistics of many runs (--ensemble)",
+                     parting(sim, *how, coarse, &size, bound), bound, apart);
+    }
+}
+
+/* ---- the file of --out; the writer remembers the first error, and the commit returns it ---- */
+
+static void put_texts(const report *what, const lg_archive_writer *to) {
+    char steps[32];
+    const lg_system *system = what->sim->system;
+    (void)snprintf(steps, sizeof steps, "%zu", what->run->stats.steps);
+    const char *const texts[][2] = {{"system", lg_system_name(system)},
+                                    {"form", lg_system_form(system)},
+                                    {"layout", lg_system_layout(system)},
+                                    {"method", what->how->scheme->name},
+                                    {"steps", steps}};
+    for (size_t i = 0; i < LG_COUNT(texts); i++)
+        if (texts[i][1] != NULL) (void)to->text(to->user, texts[i][0], texts[i][1]);
+}
+
+/* Writes /t (M) and /trajectory (M, d). */
+static void put_states(const report *what, const lg_archive_writer *to) {
+    const samples *path = what->path;
+    const size_t d = what->sim->reported, dim = what->sim->dim;
+    const uint64_t dims[] = {path->kept, d};
+    APP_FREE double *rows = app_alloc(path->kept, d * sizeof *rows);
+    for (size_t i = 0; i < path->kept; i++)
+        memcpy(rows + i * d, path->y + (path->first + i) * dim, d * sizeof *rows);
+    (void)to->array(to->user, "t", LG_ELEMENT_F64, 1, dims, path->t + path->first);
+    (void)to->array(to->user, "trajectory", LG_ELEMENT_F64, 2, dims, rows);
+}
+
+/* Writes /invariants/NAME (M) for each invariant. */
+static void put_invariants(const report *what, const lg_archive_writer *to) {
+    const samples *path = what->path;
+    const uint64_t dims[] = {path->kept};
+    APP_FREE double *values = app_alloc(path->kept, sizeof *values);
+    for (size_t k = 0; k < what->seen->invariants; k++) {
+        APP_FREE char *name = app_format("invariants/%s", lg_system_invariant_name(what->sim->system, k));
+        for (size_t i = 0; i < path->kept; i++)
+            values[i] = lg_system_invariant(what->sim->system, k,
+                                            path->y + (path->first + i) * what->sim->dim, what->seen->work);
+        (void)to->array(to->user, name, LG_ELEMENT_F64, 1, dims, values);
+    }
+}
+
+static lg_status write_trajectory(const report *what, lg_error *error) {
+    const app *self = what->sim->self;
+    lg_provenance provenance = app_provenance(self, 0);
+    lg_archive_writer to;
+    lg_file_writer *writer = NULL;
+    provenance.has_seed = false;
+    LG_TRY(lg_file_writer_create(self->context, what->sim->values->out, "trajectory", &provenance, &writer,
+                                 error));
+    (void)app_had_memory(lg_file_writer_archive(writer, "", &to));
+    put_texts(what, &to);
+    put_states(what, &to);
+    put_invariants(what, &to);
+    const lg_status status = lg_file_writer_commit(writer, error);
+    lg_file_writer_destroy(writer);
+    return status;
+}
+
+/* ---- one run ---- */
+
+static void fail_run(const simulation *sim, const plan *how, const outcome *run, lg_status status,
+                     const lg_error *error) {
+    const app *self = sim->self;
+    const char *name = how->scheme->name;
+    switch (status) {
+    case LG_CANCELLED:
+        app_stop(self, status, "stopped by %s at t = %g", app_stopper(), run->t);
+    case LG_STEP_TOO_SMALL:
+        app_stop(
+            self, status,
+            "%s: the step size fell below the rounding of time at t = %.17g, after %zu steps; try a larger "
+            "--tolerance or --atol",
+            name, run->t, run->stats.steps);
+    case LG_TOO_MANY_STEPS:
+        app_stop(self, status, "%s: reached only t = %g in %zu steps (--max-steps); t_end is %g", name,
+                 run->t, how->control.max_steps, how->t_end);
+    case LG_NOT_FINITE:
+        app_stop(self, status, "%s: the state is not finite in the step from t = %g, after %zu steps", name,
+                 run->t, run->stats.steps);
+    case LG_NO_CONVERGENCE:
+        app_stop(self, status,
+                 "%s: Newton's method does not converge in the step from t = %g; give more steps", name,
+                 run->t);
+    default:
+        app_stop(self, status, "%s: %s", name, app_sentence(status, error));
+    }
+}
+
+/* Writes the points that were reached before Ctrl-C to --out. */
+static void keep_begun(const report *what, samples *path) {
+    const char *out = what->sim->values->out;
+    lg_error error = {LG_OK, ""};
+    while (path->kept > 0 && path->t[path->first + path->kept - 1] > what->run->t) path->kept--;
+    if (out == NULL || path->kept == 0) return;
+    if (write_trajectory(what, &error) == LG_OK)
+        app_warn(what->sim->self, "%s holds the %zu points reached", out, path->kept);
+}
+
+/* Integrates from the start to the times of `path`, observed by `seen`. */
+static void run_plan(const report *what, const plan *how, watch *seen, samples *path, outcome *out) {
+    const simulation *sim = what->sim;
+    lg_error error = {LG_OK, ""};
+    memcpy(path->y, sim->scene.state, sim->dim * sizeof *path->y);
+    const lg_status status = integrate(sim, how, path->y, path->y + sim->dim, out, &error);
+    out->seconds -= seen->spent;
+    if (out->seconds < 0) out->seconds = 0;
+    if (status == LG_CANCELLED) keep_begun(what, path);
+    if (status != LG_OK) fail_run(sim, how, out, status, &error);
+    watch_warn(seen, how, out);
+}
+
+void run_once(const simulation *sim) {
+    plan how;
+    outcome run = {.t = 0};
+    samples path = {0};
+    gradient slope = {0};
+    watch seen = {.sim = NULL};
+    app_plot_check(sim->self, simulate_has(sim));
+    APP_CLEAN(method_free) method chosen = method_choose(sim);
+    const bool sloped = sim->values->gradient != NULL;
+    const report what = {sim, &how, &run, &seen, &path, sloped ? &slope : NULL};
+    plan_init(sim, &chosen.scheme, &how);
+    check_control(sim, &chosen.scheme);
+    samples_choose(sim, &how, sim->values->out != NULL || app_plot_given.plot != NULL, &path);
+    if (sloped) gradient_read(sim, &slope);
+    watch_begin(&seen, sim, app_plot_given.plot != NULL, sloped, sim->scene.state);
+    how.times = path.t + 1;
+    how.count = path.count - 1;
+    how.control.observe = watch_step;
+    how.control.observer = &seen;
+    run_plan(&what, &how, &seen, &path, &run);
+    if (sloped)
+        gradient_compute(sim, &chosen.scheme, &seen, &slope);
+    else
+        horizon_warn(sim, &how, path.y + (path.count - 1) * sim->dim);
+    if (sim->values->out != NULL) APP_MUST_FILE(sim->self, sim->values->out, write_trajectory(&what, &error));
+    app_plot_draw(sim->self, simulate_has(sim), &what);
+    report_run(&what);
 }

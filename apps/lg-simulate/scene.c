@@ -18,10 +18,7 @@ static size_t outer_count(const simulation *sim, const lg_state_entry *row) {
 
 static void make_blocks(simulation *sim) {
     const lg_state_entry *rows = lg_system_state(lg_system_name(sim->system), lg_system_form(sim->system));
-    size_t count = 0;
-    for (const lg_state_entry *row = rows; row != NULL && row->key != NULL; row++)
-        count += outer_count(sim, row);
-    sim->blocks = app_keep(count, sizeof *sim->blocks);
+    sim->blocks = app_keep(sim->reported, sizeof *sim->blocks);
     for (const lg_state_entry *row = rows; row != NULL && row->key != NULL; row++)
         for (size_t i = 0, n = outer_count(sim, row); i < n; i++) {
             const block at = {row->key, row->outer == 1 ? 0 : i + 1, row->first + i * row->stride,
@@ -36,6 +33,15 @@ void block_name(const block *at, char *text, size_t size) {
         (void)snprintf(text, size, "%s%zu", at->key, at->index);
     else
         (void)snprintf(text, size, "%s", at->key);
+}
+
+void block_part(const block *at, size_t component, char *text, size_t size) {
+    if (at->count == 9)
+        (void)snprintf(text, size, "%zu%zu", component / 3 + 1, component % 3 + 1);
+    else if (at->count == 3)
+        (void)snprintf(text, size, "%c", "xyz"[component]);
+    else
+        (void)snprintf(text, size, at->count > 1 ? "%zu" : "", component + 1);
 }
 
 const block *find_block(const simulation *sim, const char *key, size_t index) {

@@ -11,9 +11,11 @@
 #include "liegrad/taped.h"
 
 typedef struct simulate_values {
-    const char *scheme, *dexpinv, *out, *schemes, *gradient;
-    const char *vary, *members, *event, *save, *task; /* options of --ensemble */
+    const char *scheme, *out, *schemes, *gradient;
+    const char *vary, *members, *event, *task; /* options of --ensemble */
     uint64_t steps, points, checkpoints, levels, max_steps, ensemble;
+    uint64_t save;    /* 0: none; all: more than there are members */
+    uint64_t dexpinv; /* LG_DEXPINV_MAX + 1: exact */
     double tolerance, atol, t_end, theta;
     lg_reals times;
     bool work_precision;
@@ -50,6 +52,8 @@ void simulation_open(app *self, const simulate_values *values, const char *path,
 
 /* Writes the name of a block, such as "q2" or "R". */
 void block_name(const block *at, char *text, size_t size);
+/* The name of one of its numbers, such as "x", "13" or "4"; "" if it has only one. */
+void block_part(const block *at, size_t component, char *text, size_t size);
 /* The values of the parameter with this key in scenes, *count of them. NULL if the system has no such
  * parameter. */
 const double *parameter_values(const simulation *sim, const char *key, size_t *count);
@@ -98,13 +102,13 @@ void plan_init(const simulation *sim, const lg_scheme *scheme, plan *out);
 /* Sets the relative tolerance to `tol`, and the absolute one from --atol or, without --atol, from `tol`. */
 void plan_tolerance(const simulation *sim, double tol, plan *out);
 /* Integrates from y0 (dim) to each of the times; rows (count, dim) are the states there. Ctrl-C ends it with
- * LG_CANCELLED. On failure the rows that were not reached are NaN, and `out` is filled. */
+ * LG_CANCELLED. On failure the rows that were not reached are NaN, and `out` is filled. `error` may be
+ * NULL. */
 lg_status integrate(const simulation *sim, const plan *how, const double *y0, double *rows, outcome *out,
                     lg_error *error);
 
-/* If the steps are adaptive, repeats the run with ten times the tolerance. Warns if the final state y (dim)
- * differs so much that only few of its digits can be right (horizon.c). */
-void horizon_warn(const simulation *sim, const plan *how, const double *y);
+/* A single run. */
+void run_once(const simulation *sim);
 
 /* ---- what is observed along a run (watch.c) ---- */
 
@@ -178,9 +182,6 @@ typedef struct report {
     const gradient *slope; /* NULL without --gradient */
 } report;
 void report_run(const report *what); /* in report.c */
-
-/* output.c: writes the file of --out. */
-lg_status write_trajectory(const report *what, lg_error *error);
 
 /* plots.c: the plots of a run, and the bits that they need. */
 extern const app_plot_kind simulate_plots[];

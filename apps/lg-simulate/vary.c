@@ -15,17 +15,10 @@ void component_name(const simulation *sim, size_t index, char *text, size_t size
     for (size_t i = 0; i < sim->block_count; i++) {
         const block *at = &sim->blocks[i];
         if (index < at->offset || index >= at->offset + at->count) continue;
-        const size_t c = index - at->offset;
-        char name[32];
+        char name[32], part[24];
         block_name(at, name, sizeof name);
-        if (at->count == 1)
-            (void)snprintf(text, size, "%s", name);
-        else if (at->count == 9)
-            (void)snprintf(text, size, "%s.%u%u", name, (unsigned)(c / 3 % 3) + 1, (unsigned)(c % 3) + 1);
-        else if (at->count == 3)
-            (void)snprintf(text, size, "%s.%c", name, "xyz"[c]);
-        else
-            (void)snprintf(text, size, "%s.%zu", name, c + 1);
+        block_part(at, index - at->offset, part, sizeof part);
+        (void)snprintf(text, size, "%s%s%s", name, part[0] != '\0' ? "." : "", part);
         return;
     }
     if (index < sim->dim) (void)snprintf(text, size, "y%zu", index + 1);
@@ -78,24 +71,23 @@ typedef struct vary_item {
 struct vary {
     const simulation *sim;
     uint64_t seed;
-    size_t count, room;
-    vary_item *items;
+    size_t count;
+    vary_item *items;    /* room for all blocks in each item of --vary */
     lg_table_data table; /* the table of --members */
     size_t *column;      /* the component of each column */
-    bool of_state;       /* whether any item or column is for the state */
+    /* whether any item or column is for the state; for a parameter */
+    bool of_state, of_parameters;
 };
 
+static void note_component(vary *self, size_t component) {
+    *(component < self->sim->dim ? &self->of_state : &self->of_parameters) = true;
+}
+
 static void add_item(vary *self, vary_item item, size_t offset, size_t count) {
-    if (self->count == self->room) {
-        self->room = self->room > 0 ? 2 * self->room : 16;
-        vary_item *more = app_keep(self->room, sizeof *more);
-        if (self->count > 0) memcpy(more, self->items, self->count * sizeof *more);
-        self->items = more;
-    }
     item.offset = offset;
     item.count = count;
     self->items[self->count++] = item;
-    self->of_state = self->of_state || offset < self->sim->dim;
+    note_component(self, offset);
 }
 
 /* Adds all numbers with this name: a parameter or one number of it, all blocks with a key, a block, or a
@@ -125,16 +117,16 @@ static bool add_named(vary *self, const vary_item *item, const char *name) {
 
 static void refuse_name(const simulation *sim, const char *option, const char *name) {
     char own[64];
-    lg_text known = app_text();
+    lg_name_list known = {.used = 0};
     for (size_t i = 0; i < lg_system_parameter_count(sim->system) && i < 8; i++) {
         component_name(sim, sim->dim + i, own, sizeof own);
-        lg_text_add(&known, "%s%s", i > 0 ? ", " : "", own);
+        lg_name_list_add(&known, own);
     }
     component_name(sim, 0, own, sizeof own);
     app_stop_usage(sim->self,
                    "--%s: '%s' is neither a parameter (%s), nor a part of the state (%s), nor one of "
                    "its numbers (%s)",
-                   option, name, known.length > 0 ? known.data : "", lg_system_layout(sim->system), own);
+                   option, name, known.text, lg_system_layout(sim->system), own);
 }
 
 char *trimmed(char *text) {
@@ -206,38 +198,31 @@ static void read_table(vary *self, const char *path) {
     for (uint32_t i = 0; i < names.count; i++) {
         chosen[i] = names.name[i];
         if (!component_find(sim, chosen[i], &self->column[i])) refuse_name(sim, "members", chosen[i]);
-        self->of_state = self->of_state || self->column[i] < sim->dim;
+        note_component(self, self->column[i]);
     }
     APP_MUST_FILE(
         sim->self, path,
         lg_table_read(sim->self->context, path, chosen, names.count, NULL, NULL, &self->table, &error));
 }
 
-vary *vary_open(const simulation *sim, const char *text, const char *table) {
+vary *vary_open(const simulation *sim, const char *text, const char *table, size_t *rows, bool *parameters) {
     vary *self = app_keep(1, sizeof *self);
     APP_FREE char *copy = app_format("%s", text);
     *self = (vary){.sim = sim, .seed = sim->self->seed};
+    size_t given = 1;
+    for (const char *at = text; *at != '\0'; at++) given += *at == ',';
+    self->items = app_keep(given * (sim->block_count + 1), sizeof *self->items);
     for (char *rest = NULL, *item = strtok_r(copy, ",", &rest); item != NULL;
          item = strtok_r(NULL, ",", &rest))
         read_item(self, item);
     if (table != NULL) read_table(self, table);
+    *rows = self->table.rows;
+    *parameters = self->of_parameters;
     return self;
 }
 
 void vary_close(vary *self) {
     if (self != NULL) lg_table_data_destroy(&self->table);
-}
-
-bool vary_parameters(const vary *self) {
-    for (size_t i = 0; i < self->count; i++)
-        if (self->items[i].offset >= self->sim->dim) return true;
-    for (uint32_t i = 0; i < self->table.columns; i++)
-        if (self->column[i] >= self->sim->dim) return true;
-    return false;
-}
-
-size_t vary_rows(const vary *self) {
-    return self->table.rows;
 }
 
 /* ---- drawing numbers ---- */

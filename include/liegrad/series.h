@@ -204,7 +204,7 @@ LG_API lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes, uin
  * score (n). The points (fpr, tpr) go from (0, 0) to (1, 1) and are sorted by falling threshold; windows with
  * equal scores form one point. fpr, tpr and threshold must have room for n + 1 numbers; threshold[0] =
  * infinity. `order` (n < 2^32) is work memory. A NaN score counts as -infinity. Returns the number of points;
- * 0 if no window is positive or all windows are. */
+ * 0 if no window is positive or all windows are: no curve exists, and the rate of the absent class is 0. */
 LG_API size_t lg_metrics_roc(const uint32_t *truth, const double *score, size_t n, uint32_t positive,
                              double *fpr, double *tpr, double *threshold, uint32_t *order);
 /* Computes the area under the receiver operating characteristic. truth (n), score (n, classes). With two

@@ -160,8 +160,8 @@ lg_status lg_policy_add_disturbed_regulator(lg_policy *policy, lg_error *error);
 enum { LG_POLICY_BEYOND = 2, LG_POLICY_PENALTY = 3, LG_POLICY_PLANNED = 4 };
 lg_status lg_policy_add_planned(lg_policy *policy, lg_error *error);
 /* A plan of a function of the program for `rows` rows. */
-lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype dtype, size_t rows,
-                         lg_plan **out, lg_error *error);
+LG_API lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype dtype, size_t rows,
+                                lg_plan **out, lg_error *error);
 /* Plans of `count` functions of the policy, or of each of its draws (`drawn`). */
 typedef struct lg_policy_plans {
     const lg_context *context;
@@ -169,10 +169,10 @@ typedef struct lg_policy_plans {
     size_t machines, count, work; /* work: bytes that a plan needs */
 } lg_policy_plans;
 /* On failure too, lg_policy_plans_destroy must be called. */
-lg_status lg_policy_plans_create(const lg_policy *policy, bool drawn, const char *const *functions,
-                                 size_t count, lg_dtype dtype, size_t rows, lg_policy_plans *out,
-                                 lg_error *error);
-void lg_policy_plans_destroy(lg_policy_plans *plans);
+LG_API lg_status lg_policy_plans_create(const lg_policy *policy, bool drawn, const char *const *functions,
+                                        size_t count, lg_dtype dtype, size_t rows, lg_policy_plans *out,
+                                        lg_error *error);
+LG_API void lg_policy_plans_destroy(lg_policy_plans *plans);
 
 /* Rows of the plans that run batches: a batch is cut into pieces of so many rows, whatever the number of
  * threads. */
@@ -199,8 +199,10 @@ lg_status lg_policy_check_shifts(const lg_policy *policy, bool tracked, uint64_t
 /* ---- runs (policy_runs.c) ---- */
 
 /* States (count, state) from positions and velocities. */
-lg_status lg_policy_states_at(const lg_policy *policy, const double *q, const double *v, size_t count,
-                              double *x, lg_error *error);
+LG_API lg_status lg_policy_states_at(const lg_policy *policy, const double *q, const double *v, size_t count,
+                                     double *x, lg_error *error);
+/* Whether one of the inputs u is at a limit, to a thousandth of its range. */
+LG_API bool lg_policy_at_limit(const lg_policy *policy, const double *u);
 /* States (count, state) from errors z (count, errors), by the function retract. */
 lg_status lg_policy_states(const lg_policy *policy, const double *z, size_t count, double *x,
                            lg_error *error);

@@ -108,7 +108,7 @@ static size_t lay_out(const running *r, char *memory, piece *out) {
     return from.used;
 }
 
-static bool at_limit(const lg_policy *p, const double *u) {
+bool lg_policy_at_limit(const lg_policy *p, const double *u) {
     for (uint32_t l = 0; l < p->inputs; l++) {
         const lg_policy_input *in = &p->task.input[l];
         const double near = 1e-3 * (in->high - in->low);
@@ -136,7 +136,7 @@ static void tell(const running *r, const piece *w, size_t first, size_t count, s
         const double *u = w->u + i * p->inputs;
         if (runs->cost != NULL) runs->cost[first + i] += w->cost[i];
         if (runs->costs != NULL) runs->costs[k * runs->count + first + i] = w->cost[i];
-        if (runs->saturated != NULL && at_limit(p, u))
+        if (runs->saturated != NULL && lg_policy_at_limit(p, u))
             runs->saturated[first + i] += 1.0 / (double)runs->steps;
         if (runs->input != NULL)
             memcpy(runs->input + (k * runs->count + first + i) * p->inputs, u, p->inputs * sizeof *u);

@@ -3,7 +3,10 @@
 
 void *lg_portion(lg_portions *from, size_t count, size_t size) {
     void *at = from->base != NULL ? from->base + from->used : NULL;
-    from->used += (count * size + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT;
+    const size_t left = (SIZE_MAX - from->used) / LG_ALIGNMENT * LG_ALIGNMENT;
+    const bool fits = size == 0 || count <= left / size;
+    from->used +=
+        fits ? (count * size + LG_ALIGNMENT - 1) / LG_ALIGNMENT * LG_ALIGNMENT : SIZE_MAX - from->used;
     return at;
 }
 

@@ -5,7 +5,7 @@
 #include "core/core.h"
 
 /* Hands out consecutive parts of the caller's memory, each aligned to LG_ALIGNMENT. If base is NULL, it only
- * counts the bytes. */
+ * counts the bytes; SIZE_MAX are too many for a size_t, and no allocation gives them. */
 typedef struct lg_portions {
     char *base;
     size_t used;

@@ -33,15 +33,14 @@ const char *lg_elastica_case_name(lg_elastica_case kind) {
     return (unsigned)kind < LG_ELASTICA_CASE_COUNT ? families[kind].name : "unknown";
 }
 
-/* Wraps x to (-pi, pi]. */
-static double wrap(double x) {
+double lg_elastica_wrap(double x) {
     const double w = remainder(x, 2.0 * LG_PI);
     return w <= -LG_PI ? LG_PI : w;
 }
 
 void lg_elastica_set_case(lg_elastica *problem, lg_elastica_case kind, double x) {
     if ((unsigned)kind >= LG_ELASTICA_CASE_COUNT) return;
-    const double w = wrap(x);
+    const double w = lg_elastica_wrap(x);
     problem->theta0 = families[kind].first * w;
     problem->rotation = families[kind].last * w - problem->theta0;
 }
@@ -122,7 +121,7 @@ lg_beam_frame lg_beam_frame_make(const lg_elastica *problem) {
     const bool closed = frame.beam.d == 0.0;
     frame.chord = closed ? problem->theta0 + 0.5 * problem->rotation : atan2(y, x);
     const double from = problem->theta0 - frame.chord;
-    frame.beam.first = closed ? from : wrap(from);
+    frame.beam.first = closed ? from : lg_elastica_wrap(from);
     frame.beam.last = frame.beam.first + problem->rotation;
     frame.turn = problem->theta0 - frame.beam.first;
     return frame;

@@ -10,6 +10,8 @@
 
 #define LG_PI 3.14159265358979323846
 
+LG_API double lg_elastica_wrap(double angle); /* to (-pi, pi] */
+
 typedef struct lg_beam {
     size_t n;     /* number of intervals, >= 2 */
     double d;     /* length of the chord, in [0, 1) */

@@ -24,7 +24,7 @@ lg_machine_places lg_machine_parts(const lg_machine *machine);
 typedef struct lg_machine_offsets {
     uint32_t place, direction, rotation, momentum, position, velocity;
 } lg_machine_offsets;
-lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate);
+LG_API lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate);
 
 /* What a term may depend on, for B rows: parts of the state, velocities (B, velocities) and input (B,
  * inputs). v and u are LG_NONE for parts of the machine that do not depend on them. sign (B, velocities): the
@@ -65,7 +65,7 @@ lg_numbers_put(lg_number_list *list, double value, const char *format, ...);
 /* Reads a variable of the list's tape; NaN after a failure. */
 void lg_numbers_read(lg_number_list *list, lg_var x, size_t count, double *out);
 /* Name of velocity k: "x", or "body.2" where its coordinate has several velocities. */
-void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size);
+LG_API void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size);
 /* Name of one number of the term's features: "x", "sin(theta)", "rod.3", "body.up.1". */
 void lg_machine_feature_name(const lg_machine *machine, const lg_machine_term *term, uint32_t number,
                              char *text, size_t size);
@@ -578,5 +578,15 @@ size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, con
                              size_t room, lg_identified *out, lg_status *status);
 /* The fit problem of x (count), then of the starts as in lg_machine_fit_problem. Borrows `restriction`. */
 void lg_machine_restricted_problem(const lg_machine_restriction *restriction, lg_fit_problem *out);
+
+/* Whether a term of the part (LG_MACHINE_PART_COUNT: of any part) depends on the position of a coordinate. */
+static inline bool lg_machine_sees(const lg_machine *machine, lg_machine_part part, uint32_t coordinate) {
+    for (const lg_machine_term *at = machine->terms; at < machine->terms + machine->term_count; at++)
+        for (uint32_t k = 0; k < at->of_count && at->part != LG_MACHINE_OFFSET; k++)
+            if (at->of[k].index == coordinate && at->of[k].kind != LG_FEATURE_VELOCITY &&
+                at->of[k].kind != LG_FEATURE_INPUT && (part == LG_MACHINE_PART_COUNT || part == at->part))
+                return true;
+    return false;
+}
 
 #endif

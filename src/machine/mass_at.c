@@ -9,15 +9,6 @@
 /* Most numbers to compare: sine and cosine of angles, all other positions unchanged. */
 enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_COORDINATES };
 
-/* Whether a term of the mass depends on coordinate i. */
-static bool is_seen(const lg_machine *machine, uint32_t i) {
-    bool seen = machine->grey.system != NULL && (machine->grey.system->seen & 1u << i) != 0;
-    for (uint32_t t = 0; t < machine->term_count; t++)
-        for (uint32_t k = 0; machine->terms[t].part == LG_MACHINE_MASS && k < machine->terms[t].of_count; k++)
-            seen = seen || machine->terms[t].of[k].index == i;
-    return seen;
-}
-
 /* Writes the positions of the coordinates on which the mass depends, angles as sine and cosine; returns how
  * many numbers these are. */
 static uint32_t embed(const lg_machine *machine, const double *positions, double *out) {
@@ -25,7 +16,10 @@ static uint32_t embed(const lg_machine *machine, const double *positions, double
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_kind kind = machine->coordinates[i].kind;
         const double *q = positions + lg_machine_offsets_of(machine, i).position;
-        if (!is_seen(machine, i)) continue;
+        const lg_grey_system *system = machine->grey.system;
+        if (!(system != NULL && (system->seen & 1u << i) != 0) &&
+            !lg_machine_sees(machine, LG_MACHINE_MASS, i))
+            continue;
         if (kind == LG_COORDINATE_ANGLE) {
             out[count++] = sin(*q);
             out[count++] = cos(*q);

@@ -142,7 +142,7 @@ static lg_status prepare(ensemble *all, lg_error *error) {
     };
     if (!o->one_by_one && lg_lanes_fit(&all->plan)) all->lanes = lg_lanes();
     all->room = lg_ensemble_block_size(o, system->space.dim);
-    all->blocks = (o->members + all->room - 1) / all->room;
+    all->blocks = o->members / all->room + (o->members % all->room > 0);
     return LG_OK;
 }
 
@@ -161,12 +161,12 @@ static size_t lay_out(const ensemble *all, worker *w) {
                  number = sizeof(double);
     lg_portions from = {w->memory, 0};
     w->block.memory = lg_portion(&from, all->lanes ? all->lanes->memory(plan, room) : 0, 1);
-    w->block.states = lg_portion(&from, plan->count * dim * room, number);
-    w->block.events = lg_portion(&from, plan->event_count * room, number);
+    w->block.states = lg_portion(&from, room, plan->count * dim * number);
+    w->block.events = lg_portion(&from, room, plan->event_count * number);
     w->block.outcome = lg_portion(&from, room, sizeof(*w->block.outcome));
-    w->block.start = w->start = lg_portion(&from, dim * room, number);
-    w->block.parameter = w->parameter = lg_portion(&from, plan->parameters * own, number);
-    w->block.constant = w->constant = lg_portion(&from, plan->constants * own, number);
+    w->block.start = w->start = lg_portion(&from, room, dim * number);
+    w->block.parameter = w->parameter = lg_portion(&from, own, plan->parameters * number);
+    w->block.constant = w->constant = lg_portion(&from, own, plan->constants * number);
     w->own_start = lg_portion(&from, dim, number);
     w->own_parameter = lg_portion(&from, plan->parameters, number);
     w->projected = lg_portion(&from, dim, number);

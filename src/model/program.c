@@ -29,27 +29,15 @@ static lg_status copy_functions(const lg_program *from, lg_program *to, lg_error
     return LG_OK;
 }
 
-static lg_status copy_parameters(const lg_program *from, lg_program *to, lg_error *error) {
-    for (size_t i = 0; i < lg_program_parameters(from); i++) {
-        const lg_parameter_spec p = lg_program_parameter(from, i);
-        LG_TRY(lg_program_add_parameter(to, &p, error));
-    }
-    return LG_OK;
-}
-
 lg_status lg_model_copy_program(const lg_model *model, const lg_scheme *scheme, lg_program **out,
                                 lg_error *error) {
     const lg_program *from = model->program;
     const bool own = has(from, "step");
-    lg_program_spec spec;
     LG_CLEAN(lg_program_destroy_at) lg_program *made = NULL;
     if (own && scheme != NULL)
         return lg_fail(error, LG_UNSUPPORTED,
                        "the file has a function 'step', so no other scheme can be chosen");
-    lg_program_spec_init(&spec);
-    spec.description = lg_program_description(from);
-    LG_TRY(lg_program_begin(model->context, &spec, &made, error));
-    LG_TRY(copy_parameters(from, made, error));
+    LG_TRY(lg_program_bare(from, &made, error));
     LG_TRY(copy_functions(from, made, error));
     if (lg_model_moves(model) && !own)
         LG_TRY(lg_program_add_step(

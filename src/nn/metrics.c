@@ -123,7 +123,7 @@ size_t lg_metrics_roc(const uint32_t *truth, const double *score, size_t n, uint
                       double *tpr, double *threshold, uint32_t *order) {
     const size_t points = count_points(truth, score, n, positive, fpr, tpr, threshold, order);
     const double negatives = fpr[points - 1], positives = tpr[points - 1];
-    for (size_t i = 0; i < points; i++) fpr[i] /= negatives, tpr[i] /= positives;
+    for (size_t i = 0; i < points; i++) fpr[i] = ratio(fpr[i], negatives), tpr[i] = ratio(tpr[i], positives);
     return positives > 0.0 && negatives > 0.0 ? points : 0;
 }
 

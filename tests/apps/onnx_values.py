@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Evaluates an ONNX file of elementwise operators on scalars.
+"""Evaluates an ONNX file of elementwise operators on one row of scalars.
 
 onnx_values.py FILE.onnx < POINTS: a line of POINTS has one number per input; a line of the answer has one number per
-output. Written from the specification of ONNX, with the standard library alone.
+output. A number that is one per row has the
+shape [1], one that all rows share has []. Written from the specification of ONNX, with the standard library alone.
 """
 import math
 import struct
@@ -85,6 +86,7 @@ operators = {
     "Pow": power, "Max": largest, "Greater": lambda a, b: float(a > b), "Less": lambda a, b: float(a < b),
     "GreaterOrEqual": lambda a, b: float(a >= b), "Equal": lambda a, b: float(a == b),
     "Or": lambda a, b: float(a != 0 or b != 0), "Where": lambda c, a, b: a if c != 0 else b,
+    "Gather": lambda shape, axis: shape[axis], "Expand": lambda x, rows: x, "Reshape": lambda x, shape: x,
 }
 
 
@@ -95,12 +97,18 @@ def parts(message, *numbers):
 def main():
     with open(sys.argv[1], "rb") as file:
         graph = parts(file.read(), 7)[0]
-    constants, nodes = {}, []
+    constants, shapes, nodes = {}, {}, []
     for tensor in parts(graph, 5):
-        raw, double = parts(tensor, 9)[0], parts(tensor, 2)[0] == 11
-        if len(raw) == (8 if double else 4):
-            constants[parts(tensor, 8)[0]] = struct.unpack("<d" if double else "<f", raw)[0]
+        raw, form = parts(tensor, 9)[0], {1: "<f", 7: "<q", 11: "<d"}[parts(tensor, 2)[0]]
+        if len(raw) == struct.calcsize(form):
+            constants[parts(tensor, 8)[0]] = struct.unpack(form, raw)[0]
+    for port in parts(graph, 11):
+        dims = parts(parts(parts(parts(port, 2)[0], 1)[0], 2)[0], 1)
+        shapes[parts(port, 1)[0]] = [1] * len(dims)
     for node in parts(graph, 1):
+        if parts(node, 4)[0] == b"Shape":
+            constants[parts(node, 2)[0]] = shapes[parts(node, 1)[0]]
+            continue
         nodes.append((guarded(operators[parts(node, 4)[0].decode()]), parts(node, 1), parts(node, 2)[0]))
     inputs, outputs = ([parts(port, 1)[0] for port in parts(graph, k)] for k in (11, 12))
     for line in sys.stdin:

@@ -463,6 +463,7 @@ TEST("votes give the alarm and its delay") {
     json_expect(json_find(result.out, "votes"), "detected_runs 0");
     cli_expect(lg, "evaluate logistic.h5 data.h5 fresh.h5 --votes 3,5", 0, "detected");
     json("evaluate logistic.h5 data.h5 fresh.h5 --votes 3,5", "files *");
+    json("evaluate v.h5 votes.h5 votes.h5 votes.h5 votes.h5 votes.h5 votes.h5 votes.h5 votes.h5", "files *");
 }
 
 /* ---- the healthy class ---- */
@@ -665,6 +666,24 @@ TEST("a search varies the features of rocket, and judges by the held-out part al
                              "  prune: {choice: [84, 85]}\n");
     cli_json(lg, "search single.yaml data.h5 --trials 1 --validation 0.3 --out single.csv", "done 1");
     assert_close(json_number(json_find(result.out, "best"), "parameters"), 84.5, 0, 0.5);
+}
+
+TEST("train accepts the command that a search over methods calls the best") {
+    cli_write("both.yaml", "fixed: {features: 100, epochs: 1}\nranges:\n  method: {choice: [cnn, rocket]}\n"
+                           "  plane: {choice: [1, 2]}\n");
+    for (int seed = 1, seen[2] = {0}; seen[0] == 0 || seen[1] == 0; seed++) {
+        assert_true(seed < 20);
+        cli_expect(lg, test_text("search both.yaml data.h5 --trials 1 --out both.csv --seed %d", seed), 0,
+                   "");
+        char *best = strstr(result.out, "lg-anomaly train"), *end = strstr(result.out, " --out FILE");
+        assert_true(best != NULL && end != NULL);
+        *end = '\0';
+        const bool rocket = strstr(best, "--method rocket") != NULL;
+        assert_true((strstr(best, "--features") != NULL) == rocket &&
+                    (strstr(best, "--plane") == NULL) == rocket);
+        if (seen[rocket]++ == 0)
+            cli_expect(lg, test_text("%s --out both.h5", best + strlen("lg-anomaly ")), 0, "");
+    }
 }
 
 /* ---- plots: the default one, and each one by name ---- */

@@ -85,7 +85,7 @@ TEST("runs have a column for a lagged input; a goal of a lagged input and a cert
               "plant: slow.yaml\nperiod: 0.05\nhorizon: 5\nstarts: {th: [-0.2, "
               "0.2]}\nlimits: {u: 10}\ncost: {x: 0.1, th: 1, lagged.u: 0.001, u: "
               "0.002}\nsuccess: {th: 0.05, hold: 1, within: 10}\ncontroller: {kind: lqr}\n");
-    cli_expect(control, "train slow_task.yaml --out slow.h5 --json", 0, "");
+    cli_expect(control, "train slow_task.yaml --out slow.h5 --json --optimality-gap 0", 0, "");
     assert_true(json_number(result.out, "success") == 1);
     cli_expect(control, "evaluate slow.h5 --starts 2 --runs slow.csv", 0, "");
     char text[256];
@@ -417,7 +417,8 @@ TEST("train tells what a change of each number does, as evaluate finds it on the
     write_truck("heavy.yaml", 12, 0.06, 2, "");
     write_truck("lazy.yaml", 10, 0.1, 2, "");
     write_truck_task("truck_task.yaml", "truck.yaml", "integral: [x]\n");
-    cli_expect(control, "train truck_task.yaml --out truck.h5 --json --robustness 60", 0, "");
+    cli_expect(control, "train truck_task.yaml --out truck.h5 --json --robustness 60 --optimality-gap 0", 0,
+               "");
     const double heavy = robustness_of(result.out, "mass", "1.2"),
                  lazy = robustness_of(result.out, "lag", "1.6666666666666667");
     static const char *const names[] = {"mass", "lag", "damping", "coulomb", "input_map"},
@@ -432,7 +433,8 @@ TEST("train tells what a change of each number does, as evaluate finds it on the
     assert_close(json_number(result.out, "success"), heavy, 0, 1e-9);
     cli_expect(control, "evaluate truck.h5 --plant lazy.yaml --starts 60 --json", 0, "has another lag");
     assert_close(json_number(result.out, "success"), lazy, 0, 1e-9);
-    cli_expect(control, "train truck_task.yaml --out truck.h5 --json --robustness 0", 0, "");
+    cli_expect(control, "train truck_task.yaml --out truck.h5 --json --robustness 0 --optimality-gap 0", 0,
+               "");
     assert_true(robustness_of(result.out, "mass", "1.2") == -1);
 }
 
@@ -442,7 +444,8 @@ TEST("friction sticks whatever its width in the file, and inputs act late in all
     for (int i = 0; i < 2; i++) {
         write_truck("wide.yaml", 10, 0.06, 0, widths[i]);
         write_truck_task("wide_task.yaml", "wide.yaml", "");
-        cli_expect(control, "train wide_task.yaml --out wide.h5 --json --robustness 0", 0, "");
+        cli_expect(control, "train wide_task.yaml --out wide.h5 --json --robustness 0 --optimality-gap 0", 0,
+                   "");
         success[i] = json_number(result.out, "success");
     }
     assert_close(success[1], success[0], 0, 1e-9);

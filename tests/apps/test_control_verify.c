@@ -95,7 +95,7 @@ TEST("files that were changed fail with what is wrong") {
 
 TEST("a proof that succeeds in the time has its certificate, which is not limited by --seconds") {
     size_t proofs = 0, late = 0;
-    for (double seconds = 8; seconds > 1e-3; seconds *= 0.7) {
+    for (double seconds = 8; seconds > 1e-3; seconds *= 0.5) {
         cli_run_limited(control,
                         test_text("certify task.yaml --box th=1.5,w=12 --model-error 1e-5 --seconds %g "
                                   "--certificate late.json --json",

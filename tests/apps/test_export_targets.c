@@ -833,6 +833,50 @@ TEST("ONNX: there may be more constants than function outputs, and each constant
     }
 }
 
+/* y = -x */
+static lg_status record_negative(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                 lg_var *out) {
+    out[0] = lg_neg(tape, in[0]);
+    return lg_tape_status(tape);
+}
+
+TEST("ONNX: a program with as many functions as a program may have is exported") {
+    const lg_port x = {.name = "x", .shape = lg_shape1(1)}, y = {.name = "y"};
+    char name[16];
+    const lg_function_spec more = {name, &x, 1, &y, 1, record_negative, NULL};
+    lg_error why = {LG_OK, ""};
+    make_model("deep", make_layers);
+    for (size_t i = 0; why.status == LG_OK; i++) {
+        (void)snprintf(name, sizeof name, "more_%zu", i);
+        (void)lg_program_add_function(program, &more, &why);
+    }
+    assert_says(why.message, "at most 256 functions");
+    assert_told(lg_program_save(NULL, cli_at("full.h5"), program, NULL, &told));
+    export_run("full.h5 --out full --name m --target onnx");
+    export_run("deep.h5 --out deep --name m --target onnx");
+    export_expect("cmp full/m.onnx deep/m.onnx");
+}
+
+/* y = w x + 3 for each row x; all rows share w, the first input. */
+static lg_status record_line(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const double three = 3;
+    const lg_var rise = lg_mul(tape, in[0], in[1]), offset = lg_input_f64(tape, lg_shape1(1), &three);
+    out[0] = lg_add(tape, rise, lg_broadcast_to(tape, offset, lg_var_shape(tape, rise)));
+    return lg_tape_status(tape);
+}
+static lg_status make_line(lg_program **out, training *t, lg_error *error) {
+    const lg_port in[2] = {{.name = "w", .shared = true}, {.name = "x"}}, y = {.name = "y"};
+    const lg_function_spec value = {"value", in, 2, &y, 1, record_line, NULL};
+    const lg_program_spec spec = {.size = sizeof spec, .functions = &value, .function_count = 1};
+    return lg_program_build(NULL, &spec, out, error);
+}
+
+TEST("ONNX: the number of rows is that of an input that has rows, though rows share the first input") {
+    make_model("line", make_line);
+    export_run("line.h5 --out line --name m --target onnx --dtype f64");
+    export_expect("test \"$(echo 2 5 | python3 " LG_TEST_DIR "/apps/onnx_values.py line/m.onnx)\" = 13.0");
+}
+
 TEST("a scheme that a target does not support is refused; a function that is named twice counts once") {
     make_model("throw", make_throw);
     export_run("throw.h5 --out twice --name m --target fmu2 --functions value,value");

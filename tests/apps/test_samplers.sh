@@ -8,6 +8,8 @@ cd "$work"
 . "$LG_TEST_DIR/apps/sweeps.sh"
 
 make_sweeps
+lg-elastica generate --case right-end --count 30 --intervals 8 --out data.h5 >made 2>&1
+sed -i 's/epochs: 20/epochs: 3/' ranges.yaml
 search="lg-elastica search ranges.yaml data.h5 --threads 1 --sampler tpe"
 values() { sed 1d "$1" | awk -F, '{print $1, $7, $8, $9}'; }
 

@@ -170,7 +170,7 @@ static inline void exact_stumpff_series(mpfr_t y, mpfr_srcptr w, uint32_t k, uin
  * c_k^(d+1) = c_{k-1}^(d) - (k + 2 d) c_k^(d). */
 static inline void exact_stumpff_beyond(mpfr_t y, mpfr_srcptr w, uint32_t k, uint32_t d) {
     enum { MOST = LG_STUMPFF_MAX_K + 2 };
-    const mpfr_prec_t bits = mpfr_get_prec(y) + SERIES_BITS - BITS + mpfr_get_exp(w);
+    const mpfr_prec_t bits = mpfr_get_prec(y) + 96 + mpfr_get_exp(w); /* 50 of 96 bits are lost at most */
     mpfr_t c[MOST], root, next;
     for (int i = 0; i < MOST; i++) mpfr_init2(c[i], bits);
     mpfr_inits2(bits, root, next, NULL);
@@ -181,14 +181,14 @@ static inline void exact_stumpff_beyond(mpfr_t y, mpfr_srcptr w, uint32_t k, uin
     else
         mpfr_sinh_cosh(c[1], c[0], root, MPFR_RNDN);
     mpfr_div(c[1], c[1], root, MPFR_RNDN);
-    for (unsigned long i = 2; i < MOST; i++) {
+    for (unsigned long i = 2; i <= k; i++) {
         mpfr_fac_ui(c[i], i - 2, MPFR_RNDN);
         mpfr_ui_div(c[i], 1, c[i], MPFR_RNDN);
         mpfr_sub(c[i], c[i], c[i - 2], MPFR_RNDN);
         mpfr_div(c[i], c[i], w, MPFR_RNDN);
     }
     for (unsigned long e = 0; e < d; e++)
-        for (unsigned long i = MOST; i-- > 0;) {
+        for (unsigned long i = k > 1 ? k + 1 : 2; i-- > 0;) {
             if (i == 0) {
                 mpfr_div_si(c[0], root, -2, MPFR_RNDN);
                 break;

@@ -11,5 +11,5 @@ TEST("flags are not above the level that MPFR sees at ends, zeros, ties and betw
 }
 
 TEST("bounds and flags of random compositions hold at points of MPFR") {
-    check_exact_trees(5000, 66);
+    check_exact_trees(1500, 66);
 }

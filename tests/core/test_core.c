@@ -12,6 +12,7 @@
 #include <cblas.h>
 
 #include "core/core.h"
+#include "core/portions.h"
 #include "core/text.h"
 #include "support/malloc_count.h"
 
@@ -160,6 +161,21 @@ TEST("memory is zeroed, aligned and allocated from the context; sizes that overf
     lg_context_destroy(counted);
     assert_int_equal(lg_fail_alloc_live(&memory), -1);
     lg_context_destroy(plain);
+}
+
+TEST("portions that no size_t counts together are SIZE_MAX bytes, which no allocation gives") {
+    static const size_t counts[][2] = {
+        {SIZE_MAX, 1}, {1, SIZE_MAX}, {SIZE_MAX / 2, 1}, {SIZE_MAX / 8 + 2, 8}};
+    for (size_t i = 0; i < LG_COUNT(counts); i++) {
+        lg_portions from = {NULL, 0};
+        (void)lg_portion(&from, 3, 8);
+        assert_int_equal(from.used, LG_ALIGNMENT);
+        for (size_t k = 0; k < 3; k++) (void)lg_portion(&from, counts[i][0], counts[i][1]);
+        assert_true(from.used == SIZE_MAX);
+        (void)lg_portion(&from, 0, 8);
+        assert_true(from.used == SIZE_MAX);
+        assert_null(lg_alloc(NULL, from.used, 1));
+    }
 }
 
 TEST("indices are spread evenly over more samples than the square root of size_t") {

@@ -60,9 +60,11 @@ static inline small make_small(size_t which, uint32_t intervals, double length, 
 static inline void typed_curve_of(const small *s, lg_dtype dtype, const double *x, const double *at,
                                   size_t points, double *q, double *v) {
     lg_surrogate_curves *curves;
+    const size_t mark = lg_test_owned();
     assert_told(lg_surrogate_curves_create(NULL, &s->model, s->theta, dtype, points, &curves, &told));
     lg_surrogate_curve(curves, x, at, points, q, v, test_work(lg_surrogate_curves_work_size(curves)));
     lg_surrogate_curves_destroy(curves);
+    lg_test_give_back(mark);
 }
 
 static inline void curve_of(const small *s, const double *x, const double *at, size_t points, double *q,

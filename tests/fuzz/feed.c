@@ -55,7 +55,11 @@ void watch_end_gap(watching *self) {
 
 static void take_feed(const app *by, const well_model *model, uint8_t options) {
     static lg_frame_text names[] = {"a", "b"};
-    watching self = {.app = by, .bench = {.model = model}, .rate = 1.0, .rate_known = (options & 1) != 0};
+    watching self = {.app = by,
+                     .bench = {.model = model},
+                     .channels = CHANNELS,
+                     .rate = 1.0,
+                     .rate_known = (options & 1) != 0};
     /* Hz; low rates, so that the longest gap that watch fills, a week, has few samples */
     if (self.rate_known) self.rate = (options & 2) != 0 ? 1e-3 : 0.05;
     self.timing.follow = (options & 4) != 0;
@@ -76,7 +80,8 @@ static void take_feed(const app *by, const well_model *model, uint8_t options) {
 }
 
 void fuzz_feed(const uint8_t *data, size_t size) {
-    static const well_model model = {.names = {.channels = CHANNELS, .classes = 2}, .window = WINDOW};
+    static const well_model model = {.file = {.names = {.channels = CHANNELS, .classes = 2}},
+                                     .window = WINDOW};
     if (size == 0) return;
     app by = {.title = "fuzz"};
     (void)fuzz_file(data + 1, size - 1);

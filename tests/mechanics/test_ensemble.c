@@ -551,6 +551,21 @@ TEST("the states of a block take 4 MiB at most, if it has more than 16 members")
     }
 }
 
+TEST("a block whose memory no size_t counts is refused: there is no memory for it") {
+    const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
+    const double start[6] = {1.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    for (int one_by_one = 0; one_by_one < 2; one_by_one++)
+        for (size_t bytes = 1; bytes <= 1024; bytes++) {
+            lg_ensemble_options o = options_for(lg_scheme_find("rkmk54"), 2);
+            o.one_by_one = one_by_one;
+            o.varied = one_by_one;
+            o.start = start;
+            o.block = SIZE_MAX / bytes;
+            assert_status(lg_ensemble_run(NULL, system, &o, NULL, NULL, NULL, NULL, NULL, NULL),
+                          LG_OUT_OF_MEMORY);
+        }
+}
+
 TEST("without a scheme, dp54 runs on R^n and rkmk54 on other spaces") {
     const lg_system *systems[] = {make_system("oscillator", NULL, NULL, 0),
                                   make_chain("lagrangian", 1, 9.81, NULL, NULL)};

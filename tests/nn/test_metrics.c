@@ -70,6 +70,18 @@ TEST("a characteristic agrees with one by hand, with ties, with NaN and with one
     assert_int_equal(lg_metrics_roc(truth, score, 0, 1, fpr, tpr, threshold, order), 0);
 }
 
+TEST("without a positive or without a negative window the rate of the absent class is 0, not NaN") {
+    const uint32_t all[] = {1, 1};
+    const double score[] = {0.9, 0.5}, none[] = {0, 0, 0}, rising[] = {0, 0.5, 1};
+    double fpr[3], tpr[3], threshold[3];
+    uint32_t order[2];
+    for (uint32_t positive = 0; positive < 2; positive++) {
+        assert_int_equal(lg_metrics_roc(all, score, 2, positive, fpr, tpr, threshold, order), 0);
+        assert_all_close(positive == 1 ? fpr : tpr, none, 3, 0, 0);
+        assert_all_close(positive == 1 ? tpr : fpr, rising, 3, 0, 0);
+    }
+}
+
 TEST("areas under the curve agree with those by hand, with ties and absent classes") {
     const uint32_t truth[] = {1, 0, 1, 0}, three[] = {0, 0, 2, 2}, none[] = {0, 0, 0, 0};
     const double score[] = {0, 0.9, 0, 0.5, 0, 0.5, 0, 0.1}, flat[8] = {0};

@@ -2,6 +2,9 @@
  * of one file, or only the tests whose claims match CLAIM (* and ? are wildcards). --faults: run_faults.h.
  * LG_TEST_LOCALE names the locale of the process. */
 #include <locale.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include "core/core.h"
 #include "support/faults.h"
@@ -109,6 +112,9 @@ static bool is_named(const lg_suite *suite, const char *name) {
 }
 
 int main(int argc, char **argv) {
+#ifdef __GLIBC__ /* memory that is given back is kept: fetching its pages again took longer than some tests */
+    (void)(mallopt(M_TRIM_THRESHOLD, 1 << 28) && mallopt(M_MMAP_THRESHOLD, 1 << 25));
+#endif
     argv += run_faults_options(&argc, argv);
     lg_suite *suite = argc > 1 ? suites : NULL;
     while (suite != NULL && !is_named(suite, argv[1])) suite = suite->next;

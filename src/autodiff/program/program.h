@@ -110,6 +110,8 @@ lg_status lg_program_create(const lg_context *context, lg_program **out);
 lg_status lg_program_of(const lg_context *context, const lg_function_spec *functions, size_t count,
                         lg_program **out, lg_error *error);
 lg_status lg_program_jacobian(lg_program *program, const char *function, lg_error *error);
+/* Makes a program without functions that has the parameters and the description of another. */
+lg_status lg_program_bare(const lg_program *from, lg_program **out, lg_error *error);
 lg_status lg_program_add_parameter(lg_program *program, const lg_parameter_spec *parameter, lg_error *error);
 /* Adds a function. On success the program takes over what `function` owns. Everything is checked: names, that
  * inputs of a node come before it, the operations' numbers of inputs, attributes and shapes (by the shape

@@ -557,3 +557,13 @@ lg_status lg_program_of(const lg_context *context, const lg_function_spec *funct
     const lg_program_spec spec = {.size = sizeof spec, .functions = functions, .function_count = count};
     return lg_program_build(context, &spec, out, error);
 }
+
+lg_status lg_program_bare(const lg_program *from, lg_program **out, lg_error *error) {
+    lg_parameter_spec parameters[LG_PROGRAM_MAX_PARAMETERS];
+    const lg_program_spec spec = {.size = sizeof spec,
+                                  .parameters = parameters,
+                                  .parameter_count = from->parameters,
+                                  .description = from->description};
+    for (size_t i = 0; i < from->parameters; i++) parameters[i] = lg_program_parameter(from, i);
+    return lg_program_begin(from->context, &spec, out, error);
+}

@@ -7,14 +7,6 @@
 
 /* ---- position at which a network mass is reported ---- */
 
-/* Whether a term of the mass depends on coordinate i. */
-static bool is_seen(const lg_machine *machine, uint32_t i) {
-    for (uint32_t t = 0; t < machine->term_count; t++)
-        for (uint32_t k = 0; machine->terms[t].part == LG_MACHINE_MASS && k < machine->terms[t].of_count; k++)
-            if (machine->terms[t].of[k].index == i) return true;
-    return false;
-}
-
 static void find_place(const lg_machine_problem *problem, lg_machine_verdict *out) {
     const lg_machine *machine = problem->machine;
     const double *q = out->positions;
@@ -22,7 +14,7 @@ static void find_place(const lg_machine_problem *problem, lg_machine_verdict *ou
     for (uint32_t i = 0; i < machine->coordinate_count && out->placed; i++) {
         const lg_machine_coordinate *each = &machine->coordinates[i];
         const uint32_t count = lg_coordinate_positions(each->kind);
-        for (uint32_t k = 0; k < count && is_seen(machine, i); k++)
+        for (uint32_t k = 0; k < count && lg_machine_sees(machine, LG_MACHINE_MASS, i); k++)
             lg_append(out->place, sizeof out->place, "%s%s %.3g",
                       k > 0                   ? ","
                       : out->place[0] != '\0' ? ", "

@@ -77,18 +77,6 @@ static inline bool lg_machine_has_part(const lg_machine *machine, lg_machine_par
 static inline bool lg_term_is_network(const lg_machine_term *term) {
     return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
 }
-/* Where the numbers of a coordinate begin in a row of a log. */
-typedef struct lg_log_place {
-    uint32_t position, velocity;
-} lg_log_place;
-static inline lg_log_place lg_log_place_of(const lg_machine *machine, uint32_t coordinate) {
-    lg_log_place at = {0, 0};
-    for (uint32_t i = 0; i < coordinate; i++) {
-        at.position += lg_coordinate_positions(machine->coordinates[i].kind);
-        at.velocity += lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
-    }
-    return at;
-}
 /* Copies the parameters of terms that both machines have (choice.c). */
 void lg_machine_carry(const lg_machine *from, const double *theta, const lg_machine *to, double *out);
 size_t lg_log_longest_part(const lg_machine_log *log); /* in rows (recipe.c) */

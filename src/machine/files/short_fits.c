@@ -149,8 +149,8 @@ static lg_stage_limits limits(const stages *s, uint64_t epochs) {
 /* ---- a log with velocities ---- */
 
 double lg_log_speed(const lg_machine *machine, const lg_machine_log *log, uint32_t coordinate) {
-    const uint32_t first = lg_log_place_of(machine, coordinate).velocity,
-                   end = lg_log_place_of(machine, coordinate + 1).velocity;
+    const uint32_t first = lg_machine_offsets_of(machine, coordinate).velocity,
+                   end = lg_machine_offsets_of(machine, coordinate + 1).velocity;
     double sum = 0.0;
     size_t count = 0;
     for (size_t row = 0; row < log->rows; row++)
