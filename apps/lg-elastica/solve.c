@@ -276,13 +276,11 @@ static void add_points(app_json *out, const sweep_point *points, size_t count) {
 static void report_sweep(const sweep *s, const sweep_point *points, size_t count, double seconds) {
     app_json *out = s->self->out;
     if (out->people) add_branches(out, points, count);
-    app_json_text(out, "case", lg_elastica_case_name((lg_elastica_case)beam_given.kind));
-    app_json_reals(out, "x", s->x, s->points);
-    app_json_size(out, "branches", s->branches);
+    APP_PUT(out, LG_AS_TEXT("case", lg_elastica_case_name((lg_elastica_case)beam_given.kind)),
+            LG_AS_REALS("x", s->x, s->points), LG_AS_WHOLE("branches", s->branches));
     add_points(out, points, count);
-    app_json_size(out, "intervals", s->problem->intervals);
-    app_json_text(out, "out", values.out);
-    app_json_real(out, "seconds", seconds);
+    APP_PUT(out, LG_AS_WHOLE("intervals", s->problem->intervals), LG_AS_TEXT("out", values.out),
+            LG_AS_REAL("seconds", seconds));
 }
 
 static void check_found(const sweep *s, size_t i) {
