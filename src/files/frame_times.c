@@ -72,8 +72,10 @@ const char *lg_moment_scan(const char *text, lg_moment *out) {
 }
 
 double lg_clock_read(lg_clock *clock, lg_moment now) {
-    if (clock->format == LG_TIME_NONE)
-        clock->first = clock->last = now.nanoseconds, clock->format = now.format;
+    if (clock->format == LG_TIME_NONE) {
+        clock->format = now.format;
+        clock->first = clock->last = now.nanoseconds;
+    }
     if (now.format != clock->format) return NAN;
     if (now.format == LG_TIME_SECONDS) return now.seconds;
     while (now.format == LG_TIME_OF_DAY && clock->last - now.nanoseconds > DAY / 2) now.nanoseconds += DAY;
