@@ -13,8 +13,9 @@
 
 enum { FIRST_NAMES = 16, FIRST_NUMBERS = 8192, FIRST_BYTES = 16 };
 
-/* The last one takes every file. */
-static const lg_frame_format *const formats[] = {&lg_frame_h5, &lg_frame_npy, &lg_frame_csv};
+#define X(name) &lg_frame_##name,
+static const lg_frame_format *const formats[] = {LG_FRAME_FORMATS};
+#undef X
 
 /* ---- messages ---- */
 

@@ -146,7 +146,11 @@ typedef struct lg_frame_format {
     lg_status (*rows)(lg_frame *f, size_t most, lg_error *error);
     void (*close)(lg_frame *f); /* frees f->source, which may be NULL */
 } lg_frame_format;
-extern const lg_frame_format lg_frame_csv, lg_frame_h5, lg_frame_npy;
+/* The table of formats: X(name) stands for the row lg_frame_<name>. csv is the last one: it takes every file. */
+#define LG_FRAME_FORMATS X(h5) X(npy) X(csv)
+#define X(name)          extern const lg_frame_format lg_frame_##name;
+LG_FRAME_FORMATS
+#undef X
 
 lg_status lg_frame_no_memory(const lg_frame *f, lg_error *error);
 lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error);
