@@ -146,7 +146,7 @@ typedef struct lg_frame_format {
     lg_status (*rows)(lg_frame *f, size_t most, lg_error *error);
     void (*close)(lg_frame *f); /* frees f->source, which may be NULL */
 } lg_frame_format;
-/* The table of formats: X(name) stands for the row lg_frame_<name>. csv is the last one: it takes every file. */
+/* The table of formats: X(name) stands for the row lg_frame_<name>. The last one takes every file. */
 #define LG_FRAME_FORMATS X(h5) X(npy) X(csv)
 #define X(name)          extern const lg_frame_format lg_frame_##name;
 LG_FRAME_FORMATS
