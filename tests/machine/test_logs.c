@@ -850,8 +850,8 @@ TEST("late rates do not cause a wrong accusation") {
     assert_silent(read_text(machine(SPIN), log.at));
 }
 
-/* A swing of a period of 630 rows with noise (or, if `shaken`, a vibration) that hides it over few rows, in any
- * unit of time and position; the rates are multiplied by `factor`. */
+/* A swing of a period of 630 rows with noise (or, if `shaken`, a vibration) that hides it over few rows, in
+ * any unit of time and position; the rates are multiplied by `factor`. */
 static const char *hidden(double factor, bool shaken, double time, double size) {
     text log = new_text("t,q,v");
     const double *n = test_numbers(7, 1200, -1.7320508, 1.7320508);
