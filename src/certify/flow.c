@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "core/portions.h"
-#include "kernels/lapack.h"
+#include "kernels/matrix.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
 
@@ -196,19 +196,6 @@ static lg_status evaluators(lg_flow *w, lg_error *error) {
     for (size_t i = 0; i < w->n; i++) w->odd = w->odd && lg_interval_parity(f, i) == -1;
     for (size_t i = 0; i < w->n + w->m; i++) w->odd = w->odd && lg_interval_parity(w->f[START], i) == -1;
     return LG_OK;
-}
-
-/* The largest |eigenvalue| of a matrix (n, n); 0 if they are not found */
-static double radius(size_t n, double *A) {
-    enum { MOST = 32, ROOM = 4 * MOST };
-    double re[MOST], im[MOST], work[ROOM], most = 0;
-    const int size = (int)n, room = ROOM, one = 1;
-    int info;
-    for (size_t i = 0; i < n * n; i++)
-        if (!isfinite(A[i])) return 0;
-    dgeev_("N", "N", &size, A, &size, re, im, NULL, &one, NULL, &one, work, &room, &info);
-    for (size_t i = 0; i < n && info == 0; i++) most = fmax(most, hypot(re[i], im[i]));
-    return most;
 }
 
 /* ---- work memory ---- */
@@ -492,7 +479,7 @@ static lg_status choose_steps(lg_flow *w) {
         const size_t from = i / n * all + i % n;
         A[i] = 0.5 * d.fx.low[from] + 0.5 * d.fx.high[from];
     }
-    const double fast = radius(n, A) * w->period;
+    const double fast = lg_matrix_radius(n, A) * w->period;
     for (w->steps = 1; fast / w->steps > longest && w->steps < MOST_STEPS;) w->steps *= 2;
     return LG_OK;
 }

@@ -7,6 +7,7 @@
 #include "control/policy.h"
 #include "core/median.h"
 #include "kernels/lapack.h"
+#include "kernels/matrix.h"
 #include "liegrad/control.h"
 #include "liegrad/minimise.h"
 
@@ -388,6 +389,12 @@ static lg_status take_gains(design *d) {
         for (uint32_t l = 0; l < m; l++) d->A[i] -= d->B[i / n * m + l] * r->K[l * n + i % n];
     memset(d->B, 0, (size_t)n * m * sizeof *d->B);
     const lg_status status = solve(d, &even, none, r->P, &r->radius, &why);
+    const double radius = status == LG_CHECK_FAILED ? lg_matrix_radius(n, d->A) : 0.0;
+    if (radius > 1.0 - 1e-6)
+        return lg_fail(d->error, status,
+                       "the given gains do not hold the goal: with them the loop is unstable, its spectral "
+                       "radius is %.6g: without `gains`, stable ones are sought",
+                       radius);
     if (status != LG_OK)
         return lg_fail(d->error, status, "the given gains do not hold the goal: %s", why.message);
     double far = far_level(d, r->P);

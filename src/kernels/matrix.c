@@ -1,6 +1,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "kernels/lapack.h"
 #include "kernels/matrix.h"
 
 void lg_matrix_multiply(size_t m, size_t n, size_t k, const double *a, const double *b, double *c) {
@@ -56,6 +57,18 @@ double lg_matrix_norm(size_t count, const double *x) {
     if (!(largest > 0.0) || !isfinite(largest)) return largest;
     for (size_t i = 0; i < count; i++) sum += (x[i] / largest) * (x[i] / largest);
     return largest * sqrt(sum);
+}
+
+double lg_matrix_radius(size_t n, double *a) {
+    enum { MOST = 64, ROOM = 4 * MOST };
+    double re[MOST], im[MOST], work[ROOM], most = 0;
+    const int size = (int)n, room = ROOM, one = 1;
+    int info;
+    for (size_t i = 0; i < n * n; i++)
+        if (!isfinite(a[i])) return 0;
+    dgeev_("N", "N", &size, a, &size, re, im, NULL, &one, NULL, &one, work, &room, &info);
+    for (size_t i = 0; i < n && info == 0; i++) most = fmax(most, hypot(re[i], im[i]));
+    return most;
 }
 
 bool lg_matrix_factor(size_t n, size_t stride, double *a, size_t *pivot) {

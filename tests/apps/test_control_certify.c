@@ -266,7 +266,10 @@ TEST("names, kinds and options that do not fit are refused with a sentence") {
     write_task("both.yaml", "light.yaml", 0.75, "{kind: network, gains: [1, 1]}");
     cli_expect(control, "certify both.yaml --box th=1,w=1", 2, "gains are two positive numbers");
     write_task("unstable.yaml", "light.yaml", 0.75, "{kind: lqr, gains: [0, 0]}");
-    cli_expect(control, "train unstable.yaml --out x.h5", 1, "the given gains do not hold the goal");
+    cli_expect(
+        control, "train unstable.yaml --out x.h5", 1,
+        "the given gains do not hold the goal: with them the loop is unstable, its spectral radius is 1.");
+    assert_null(strstr(result.err, "stabilisable"));
     cli_expect(control, "certify chosen.yaml --box th=1,w=1 --model-error auto", 3,
                "needs a model of lg-identify");
     cli_expect(control, "certify turn.yaml --box R=1", 2,

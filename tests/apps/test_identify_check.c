@@ -698,8 +698,8 @@ static void write_driven(const char *name, size_t late) {
 }
 
 TEST("the delay of the inputs is estimated, and each fault of the log is reported once") {
-    static const char *const expected[] = {"delay 0", "delay 1", "delay 4"};
-    static const size_t late[] = {0, 1, 4};
+    static const char *const expected[] = {"delay 0", "delay 1", "delay 4", "delay 8"};
+    static const size_t late[] = {0, 1, 4, 8};
     cli_write("driven.yaml", "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}]\n"
                              "inputs: {columns: [u, k], delay: estimate}\n");
     for (size_t i = 0; i < LG_COUNT(late); i++) {
@@ -708,6 +708,8 @@ TEST("the delay of the inputs is estimated, and each fault of the log is reporte
         const char *told = strstr(result.err, "the input is always");
         assert_non_null(told);
         assert_null(strstr(told + 1, "the input is always"));
+        assert_int_equal(times(result.err, "more are not tried: if they act later, set a number"),
+                         late[i] == 8);
     }
 }
 

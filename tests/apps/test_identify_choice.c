@@ -187,8 +187,16 @@ TEST("hold and delay are found together") {
     choose("auto.yaml", "\"zero\"", 2);
     assert_true(ratio_of("delay", "0") > 5 && ratio_of("delay", "1") > 2 && ratio_of("delay", "3") > 2);
     assert_says(result.out, "the inputs act 2 rows after they are logged");
+    assert_null(strstr(result.out, "more are not tried"));
     write_log("log.csv", &(plant){none, false, 1, 1500, 1, 0, 0});
     choose("auto.yaml", "\"cubic\"", 1);
+}
+
+TEST("where the greatest delay that is tried is the best one, this is said with what to do") {
+    cli_write("late.yaml", MACHINE(", hold: zero, delay: auto", "diagonal"));
+    write_log("log.csv", &(plant){none, true, 7, 1500, 1, 0, 0});
+    choose("late.yaml", "\"zero\"", 5);
+    assert_says(result.out, "more are not tried: for a greater delay set `delay: estimate` (up to 8 rows)");
 }
 
 /* Two inputs: u is held, w is smooth and acts 2 rows late. */

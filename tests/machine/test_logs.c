@@ -90,8 +90,9 @@ static void say_row(text *t, const double *numbers, int count) {
     assert_true(t->used + 1000 < t->room);
 }
 
-#define LINE "coordinates: [{name: q, kind: line, velocity: v}]\n"
-#define SEEN "coordinates: [{name: q, kind: line}]\nmeasured: positions\n"
+#define LINE  "coordinates: [{name: q, kind: line, velocity: v}]\n"
+#define TURNS "coordinates: [{name: q, kind: angle, velocity: v}]\n"
+#define SEEN  "coordinates: [{name: q, kind: line}]\nmeasured: positions\n"
 
 /* ---- CSV ---- */
 
@@ -618,7 +619,7 @@ TEST("a rounded angle is not taken for a saturated sensor where turns were undon
             const double row[] = {0.02 * i, a + (i == 150 ? 6.33 : 0), -0.7 * sin(0.02 * i)};
             say_row(&log, row, 3);
         }
-        (void)read_text(machine("coordinates: [{name: q, kind: angle, velocity: v}]\n"), log.at);
+        (void)read_text(machine(TURNS), log.at);
     }
 }
 
@@ -855,6 +856,39 @@ TEST("late rates do not cause a wrong accusation") {
         say_row(&log, row, 8);
     }
     assert_silent(read_text(machine(SPIN), log.at));
+}
+
+/* A swing of a period of 630 rows with noise (or, if `shaken`, a vibration) that hides it over few rows, in
+ * any unit of time and position; the rates are multiplied by `factor`. */
+static const char *hidden(double factor, bool shaken, double time, double size) {
+    text log = new_text("t,q,v");
+    const double *n = test_numbers(7, 1200, -1.7320508, 1.7320508);
+    for (int i = 0; i < 1200; i++) {
+        const double t = 0.002 * i, off = shaken ? 0.1 * sin(15 * t) : 0.05 * n[i];
+        const double row[] = {time * t, size * (0.35 * sin(5 * t) + off),
+                              factor * 1.75 * cos(5 * t) * size / time};
+        say_row(&log, row, 3);
+    }
+    return log.at;
+}
+
+TEST("a wrong sign, degrees and wrong units are found over many rows where noise or vibration hides the "
+     "motion") {
+    static const double times[] = {1, 1e9}, sizes[] = {1, 1e-9}, turn = 180 / 3.14159265358979;
+    for (int k = 0; k < 4; k++) {
+        const double time = times[k % 2], size = sizes[k / 2];
+        assert_silent(read_text(machine(LINE), hidden(1, false, time, size)));
+        assert_warns(read_text(machine(LINE), hidden(1, true, time, size)), "columns q and v agree over");
+        for (int shaken = 0; shaken < 2; shaken++) {
+            refuse_text(machine(LINE), hidden(-1, shaken, time, size), "the rate of q is -1",
+                        "if the sign is wrong, set scale: {v: -1} or {q: -1}");
+            assert_warns(read_text(machine(LINE), hidden(0.01, shaken, time, size)),
+                         "if the unit is wrong, set scale: {v: 100} or {q: 0.01}");
+            if (size == 1)
+                refuse_text(machine(TURNS), hidden(turn, shaken, time, 1), "the rate of q is 0.0",
+                            "if the velocity is in degrees, set scale: {v: 0.0174533}");
+        }
+    }
 }
 
 TEST("steady velocities of a wrong unit are refused") {

@@ -46,24 +46,25 @@ static lg_status read_logs(const lg_context *context, uint32_t delay, size_t tra
     return status;
 }
 
-/* Reads the logs with delays of 0 to 8 rows of all inputs with `delay: estimate`, and once more with the
- * delay whose unexplained accelerations are smallest. */
+/* Reads the logs with delays of 0 to LG_DELAY_ESTIMATED rows of all inputs with `delay: estimate`, and once
+ * more with the delay whose unexplained accelerations are smallest. */
 static lg_status estimate_delay(const lg_context *context, size_t training, lg_machine_data *out,
                                 lg_error *error) {
-    enum { MOST = 8 };
     double least = (double)INFINITY, left = 0;
     uint32_t best = 0;
-    for (uint32_t delay = 0; delay <= MOST; delay++) {
+    for (uint32_t delay = 0; delay <= LG_DELAY_ESTIMATED; delay++) {
         LG_TRY(read_logs(context, delay, training, out, error));
         LG_TRY(lg_machine_unexplained(context, &out->file.machine, &out->training, NULL, &left, error));
         if (!(left < least)) continue;
         least = left;
         best = delay;
     }
-    lg_log_message(context, LG_LOG_WARNING,
-                   "inputs with `delay: estimate` act %u row%s after they are logged (estimated with a "
-                   "quadratic model)",
-                   best, best == 1 ? "" : "s");
+    lg_log_message(
+        context, LG_LOG_WARNING,
+        "inputs with `delay: estimate` act %u row%s after they are logged (estimated with a "
+        "quadratic model)%s",
+        best, best == 1 ? "" : "s",
+        best < LG_DELAY_ESTIMATED ? "" : "; more are not tried: if they act later, set a number of rows");
     return read_logs(context, best, training, out, error);
 }
 

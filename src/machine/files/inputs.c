@@ -151,10 +151,16 @@ static void tell_choice(const lg_choosing *c, const grid *g, uint32_t hold, uint
     }
     if (g->delays > 1 && delay > 0) {
         const bool single = name_inputs(machine, g->delay, "acts", "the inputs act", who);
+        char edge[128] = "";
+        if (delay + 1 == g->delays)
+            (void)lg_format(edge, sizeof edge,
+                            "; more are not tried: for a greater delay set `delay: estimate` (up to %d rows) "
+                            "or a number of rows",
+                            LG_DELAY_ESTIMATED);
         LG_WARN(self,
-                "%s %u row%s after %s logged: this leaves %s of the error without a delay (runs of %.3g s)",
+                "%s %u row%s after %s logged: this leaves %s of the error without a delay (runs of %.3g s)%s",
                 who, delay, delay == 1 ? "" : "s", single ? "it is" : "they are", share(early.ratio, text),
-                (double)early.rows * dt);
+                (double)early.rows * dt, edge);
     }
 }
 

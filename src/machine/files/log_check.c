@@ -16,6 +16,7 @@
 enum { SHORT_SPAN = 32, FEWEST = 8, MANY_SPANS = 12, MOST_COMPARED = 100000 };
 #define SLOPE_LOW   0.8
 #define SLOPE_HIGH  1.25
+#define SLOPE_FAR   1.6  /* over long spans, of which there are few, a slope is wrong from here on */
 #define FITS        0.9  /* correlation of columns that belong together */
 #define FITS_WELL   0.99 /* correlation from which on no other reading is tried */
 #define UNRELATED   0.5
@@ -222,6 +223,13 @@ static double noise_of(const check *c, uint32_t first, uint32_t count) {
     return most;
 }
 
+static bool is_coarse(const check *c, uint32_t first, uint32_t count) {
+    const size_t *rows = c->table->first;
+    for (uint32_t i = first; i < first + count; i++)
+        if (lg_log_steps_of(c->table, i, rows[c->begin], rows[c->end], c->sorted).coarse) return true;
+    return false;
+}
+
 /* The shortest span over which position and velocity change well above their noise. False: there is none. */
 static bool find_span(const check *c, size_t *span, fit *f) {
     /* A rotation vector is twice the quaternion's vector part. */
@@ -238,30 +246,35 @@ static bool find_span(const check *c, size_t *span, fit *f) {
     }
 }
 
-/* Whether an angle moves 180/pi times as fast as its rate: it is in degrees. */
-static bool is_degrees(const check *c, const fit *f) {
-    const lg_log_column *q = &c->table->machine->columns[c->position];
-    return c->positions == 1 &&
-           c->table->machine->machine.coordinates[q->index].kind == LG_COORDINATE_ANGLE &&
-           fabs(fabs(f->slope) * DEGREE - 1) < 0.05;
+/* Whether x is `y` to `part` of it, or, where noise or few spans leave it unsure, as well as it is known. */
+static bool is_near(const check *c, double x, double y, double part) {
+    return fabs(x / y - 1.0) < (c->overlap ? SLOPE_HIGH - 1.0 : part);
 }
 
-/* A scale to propose: a power of ten if the measured one is within 1 % of it, else the measured one. */
-static double tidy_scale(double scale) {
+static bool is_angle(const check *c) {
+    const lg_log_column *q = &c->table->machine->columns[c->position];
+    return c->turns || (c->positions == 1 &&
+                        c->table->machine->machine.coordinates[q->index].kind == LG_COORDINATE_ANGLE);
+}
+
+/* A scale to propose: a power of ten if the measured one is near it, else the measured one. */
+static double tidy_scale(const check *c, double scale) {
     const double tidy = copysign(pow(10.0, round(log10(fabs(scale)))), scale);
-    return fabs(scale / tidy - 1.0) < 0.01 ? tidy : scale;
+    return is_near(c, scale, tidy, 0.01) ? tidy : scale;
 }
 
 /* Proposes the scales that would mend the slope: of the velocities; of the position of a line or angle; of
- * the time if all coordinates are alike. */
-static lg_status wrong_slope(const check *c, const fit *f) {
+ * the time if all coordinates are alike. Unless it is `sure`, a factor other than a sign or degrees is only a
+ * warning. */
+static lg_status wrong_slope(const check *c, const fit *f, bool sure) {
     const lg_log_column *columns = c->table->machine->columns, *at = &columns[c->position],
                         *time = &columns[c->table->machine->time];
+    const bool degrees = is_angle(c) && is_near(c, fabs(f->slope), DEGREE, 0.05);
     lg_name_list q, v;
-    char scale[3 * LG_LOG_NAME + 300] = "";
+    char scale[3 * LG_LOG_NAME + 300] = "", text[sizeof c->table->error->message];
     lg_log_names_of(c->table, c->position, c->positions, &q);
     lg_log_names_of(c->table, c->velocity, c->velocities, &v);
-    if (is_degrees(c, f))
+    if (c->positions == 1 && is_angle(c) && is_near(c, fabs(f->slope), 1 / DEGREE, 0.05))
         return lg_fail(c->table->error, LG_FORMAT,
                        "%s: column %s: it moves %.4g times as fast as column %s says: if it is in degrees, "
                        "set scale: {%s: %.6g}",
@@ -269,17 +282,20 @@ static lg_status wrong_slope(const check *c, const fit *f) {
                        (f->slope < 0 ? -DEGREE : DEGREE) * at->scale);
     for (uint32_t i = c->velocity; i < c->velocity + c->velocities; i++)
         lg_append(scale, sizeof scale, "%s%s: %.6g", i > c->velocity ? ", " : "{", columns[i].name,
-                  tidy_scale(f->slope * columns[i].scale));
+                  tidy_scale(c, (degrees ? copysign(DEGREE, f->slope) : f->slope) * columns[i].scale));
     lg_append(scale, sizeof scale, "}");
-    if (c->positions == 1)
-        lg_append(scale, sizeof scale, " or {%s: %.6g}", at->name, tidy_scale(at->scale / f->slope));
-    if (f->slope > 0)
+    if (c->positions == 1 && !degrees)
+        lg_append(scale, sizeof scale, " or {%s: %.6g}", at->name, tidy_scale(c, at->scale / f->slope));
+    if (f->slope > 0 && !degrees)
         lg_append(scale, sizeof scale, "; if all coordinates show this: {%s: %.6g}", time->name,
-                  tidy_scale(f->slope * time->scale));
-    return lg_fail(c->table->error, LG_FORMAT,
-                   "%s: column%s %s: the rate of %s is %.4g times %s: if the %s is wrong, set scale: %s",
-                   path_of(c), c->velocities > 1 ? "s" : "", v.text, q.text, f->slope, v.text,
-                   f->slope < 0 ? "sign" : "unit", scale);
+                  tidy_scale(c, f->slope * time->scale));
+    const char *fault = degrees ? "velocity is in degrees" : f->slope < 0 ? "sign is wrong" : "unit is wrong";
+    (void)lg_format(text, sizeof text,
+                    "%s: column%s %s: the rate of %s is %.4g times %s: if the %s, set scale: %s", path_of(c),
+                    c->velocities > 1 ? "s" : "", v.text, q.text, f->slope, v.text, fault, scale);
+    if (sure || degrees || f->slope < 0) return lg_fail(c->table->error, LG_FORMAT, "%s", text);
+    lg_log_warn(c->table, "%s", text);
+    return LG_OK;
 }
 
 /* ---- failing sensors ---- */
@@ -410,20 +426,25 @@ static void other_velocity(const check *c, size_t span, double own, char *hint, 
 
 /* Looks for longer spans, up to a third of a part, over which position and velocity belong together:
  * vibration or noise of one sensor hides the motion over a few rows, but not over many. *span and *f become
- * the span and the comparison with the best fit. Returns false if no span fits. Also returns false if the
- * velocity of another coordinate fits better over one of the spans; `hint` then names it. Over the other
- * spans, a motion that both coordinates share may hide that columns are swapped. */
-static bool agree_longer(const check *c, size_t *span, fit *f, char *hint, size_t size) {
-    bool agree = false;
+ * the span and the comparison with the best fit. If no span agrees, they become those with the clearest
+ * wrong slope, which MANY_SPANS beside each other must show, or fewer that fit well. Returns false if no span
+ * is clear. Also returns false if the velocity of another coordinate fits better over one of the spans;
+ * `hint` then names it. Over the other spans, a motion that both coordinates share may hide that columns are
+ * swapped. */
+static bool clear_longer(const check *c, size_t *span, fit *f, char *hint, size_t size) {
+    bool agree = false, clear = false;
     for (size_t rows = 2 * *span;; rows += rows / 2) {
         const fit longer = compare(c, rows);
         const bool turned = c->turns && longer.y_variance * 3 > MOST_ANGLE * MOST_ANGLE;
-        if (longer.n < FEWEST || turned) return agree;
+        if (longer.n < FEWEST || turned) return clear;
         if (c->positions == 1) other_velocity(c, rows, fmax(longer.correlation, 0), hint, size);
         if (hint[0] != '\0') return false;
-        if (longer.correlation < FITS || !slope_is_right(&longer)) continue;
-        if (agree && longer.correlation < f->correlation) continue;
-        agree = true;
+        const bool right = slope_is_right(&longer),
+                   wrong = !agree && (longer.slope < 1 / SLOPE_FAR || longer.slope > SLOPE_FAR) &&
+                           (longer.n >= 4 * (MANY_SPANS - 1) || fabs(longer.correlation) > FITS_WELL);
+        if (fabs(longer.correlation) < FITS || !(right || wrong)) continue;
+        if (clear && agree == right && fabs(longer.correlation) < fabs(f->correlation)) continue;
+        clear = true, agree = right;
         *span = rows;
         *f = longer;
     }
@@ -435,27 +456,32 @@ static lg_status judge(check *c) {
     char hint[LG_LOG_NAME + 20] = "", columns[LG_LOG_SENTENCE];
     lg_name_list q, v;
     c->steady = !find_span(c, &span, &f);
-    if (c->steady && !find_span(c, &span, &f)) return LG_OK;
-    if (f.correlation < FITS_WELL || slope_is_wrong(&f)) LG_TRY(refuse_failures(c, span, &f));
-    if (fabs(f.correlation) > FITS_WELL) return slope_is_wrong(&f) ? wrong_slope(c, &f) : LG_OK;
+    const bool seen = !c->steady || find_span(c, &span, &f);
+    if (!seen && (is_coarse(c, c->position, c->positions) || is_coarse(c, c->velocity, c->velocities)))
+        return LG_OK;
+    if (!seen) span = 1, f = (fit){0}, c->steady = false; /* Longer spans may still show the motion. */
+    if (seen && (f.correlation < FITS_WELL || slope_is_wrong(&f))) LG_TRY(refuse_failures(c, span, &f));
+    if (fabs(f.correlation) > FITS_WELL) return slope_is_wrong(&f) ? wrong_slope(c, &f, true) : LG_OK;
     unsigned better = better_reading(c, span, &f);
     const fit first = f;
     const bool fits = fabs(f.correlation) > FITS;
     if (!fits && c->positions == 1) other_velocity(c, span, 0, hint, sizeof hint);
     c->overlap = true;
-    const bool agree =
-        !fits && better == 0 && hint[0] == '\0' && agree_longer(c, &span, &f, hint, sizeof hint);
-    if (agree) better = better_reading(c, span, &f);
+    const bool clear =
+        !fits && better == 0 && hint[0] == '\0' && clear_longer(c, &span, &f, hint, sizeof hint);
+    if (clear) better = better_reading(c, span, &f);
     lg_log_names_of(c->table, c->position, c->positions, &q);
     lg_log_names_of(c->table, c->velocity, c->velocities, &v);
     (void)lg_format(columns, sizeof columns, "%s: columns %s and %s", path_of(c), q.text, v.text);
     if (better != 0) return refuse_reading(c, columns, better);
-    if (fits) return slope_is_wrong(&f) ? wrong_slope(c, &f) : LG_OK;
-    if (!agree && (f.correlation < UNRELATED || hint[0] != '\0'))
+    if ((fits || clear) && slope_is_wrong(&f))
+        return wrong_slope(c, &f, fits || (seen && first.correlation < UNRELATED));
+    if (fits || !seen) return LG_OK;
+    if (!clear && (f.correlation < UNRELATED || hint[0] != '\0'))
         return lg_fail(c->table->error, LG_FORMAT,
                        "%s do not belong together (correlation %.2f): are columns swapped?%s", columns,
                        f.correlation, hint);
-    if (agree)
+    if (clear)
         lg_log_warn(c->table,
                     "%s agree over %zu rows (correlation %.2f), but not over fewer (%.2f): one of them "
                     "vibrates or is noisy",

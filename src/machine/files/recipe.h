@@ -265,6 +265,8 @@ extern const char *const lg_input_holds[LG_INPUT_HOLD_COUNT]; /* their names (ac
 /* Of an input: the root mean square errors of free runs with each hold and delay, divided by that of the
  * chosen one; 0: not tried. */
 #define LG_MACHINE_DELAYS 6
+/* Greatest delay, in rows, that `delay: estimate` tries. */
+#define LG_DELAY_ESTIMATED 8
 typedef struct lg_input_choice {
     double hold[LG_INPUT_HOLD_COUNT], delay[LG_MACHINE_DELAYS];
 } lg_input_choice;
