@@ -101,6 +101,19 @@ static bool is_left_out(const sample_reader *reader, uint32_t column) {
            !lg_frame_is_wanted(&reader->frame, column);
 }
 
+/* Whether the next cell may be a time: it is in the column of times or, without names, the first one. */
+static bool is_timed(const sample_reader *reader, uint32_t column) {
+    return reader->frame.columns > 0 ? column + 1 == reader->time
+                                     : column == 0 && reader->layout != LAYOUT_VALUES;
+}
+
+/* If the first sample has a damaged time, the next one decides the format. */
+static double read_time(sample_reader *reader, lg_moment now) {
+    const double value = lg_clock_read(&reader->clock, now);
+    if (isnan(value) && reader->lines < 2) reader->clock = (lg_clock){.format = LG_TIME_NONE};
+    return value;
+}
+
 /* False: the line has more fields than any layout. */
 static bool add_field(sample_reader *reader, double value) {
     if (reader->fields <= reader->channels) reader->field[reader->fields] = value;
@@ -130,8 +143,11 @@ static bool split_line(sample_reader *reader, char *p, bool *open) {
             p = skip_blanks(cell_end(p, reader->csv.separator));
         } else {
             double value = (double)NAN;
+            lg_moment now;
             if (*p != ',' && *p != ';') {
-                const char *next = lg_decimal(p, &value);
+                const bool timed = is_timed(reader, column);
+                const char *next = timed ? lg_moment_scan(p, &now) : lg_decimal(p, &value);
+                if (timed && next != NULL && ends_field(*next)) value = read_time(reader, now);
                 if (next == NULL || !ends_field(*next)) {
                     next = scan_word(p);
                     value = (double)NAN;
@@ -350,6 +366,7 @@ static void look_ahead(sample_reader *reader) {
         reader->looked++;
         decided = !line->cut && elect(reader, skip_blanks(line->text), votes, &names, &first);
     }
+    reader->clock = (lg_clock){.format = LG_TIME_NONE};
     /* A line of names alone does not decide. */
     reader->layout = first == LAYOUT_UNKNOWN                      ? LAYOUT_UNKNOWN
                      : votes[LAYOUT_TIMED] > votes[LAYOUT_VALUES] ? LAYOUT_TIMED

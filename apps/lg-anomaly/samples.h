@@ -26,8 +26,8 @@ typedef struct sample_line {
     bool closed, cut; /* as in lg_csv */
 } sample_line;
 
-/* A line has C numbers, or a time in seconds and C numbers, separated by commas, semicolons or blanks. An
- * additional separator at its end, blanks around numbers, and a carriage return before the newline are
+/* A line has C numbers, or a time (lg_moment_scan) and C numbers, separated by commas, semicolons or blanks.
+ * An additional separator at its end, blanks around numbers, and a carriage return before the newline are
  * allowed. The reader skips blank lines, lines that begin with % or //, comments from # on, lines of words
  * before the first sample (names, units), and later repetitions of these lines.
  *
@@ -61,6 +61,7 @@ typedef struct sample_reader {
     lg_frame frame;      /* the columns, if a line of names has channels */
     lg_frame_want *want; /* (channels) */
     uint32_t time;       /* column of times + 1; 0: none */
+    lg_clock clock;      /* of the times */
     bool guessed;        /* only its place makes it one of times */
     bool unnamed;        /* a line of names had no channel of the model */
     uint32_t *place;     /* (channels): index of each channel among the numbers of a line, without the time */

@@ -13,6 +13,7 @@
 
 #include "liegrad/settings.h"
 
+#define CR_ALONE "has lines that end with a carriage return alone (CR): let them end with a newline (LF)"
 enum { BLOCK = 1 << 16, LONGEST_LINE = 1 << 20, FIRST_LINE = 1 << 12 };
 
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what) {
@@ -52,14 +53,21 @@ static lg_status take_bytes(lg_csv *c, const char *from, size_t count, bool quot
     while (!c->cut && c->length + count >= c->room) {
         c->cut = c->room >= c->longest;
         if (c->cut && c->wait == NULL)
-            return lg_csv_fail(c, error, quoted ? "a quote is not closed" : "is longer than a million bytes");
+            return lg_csv_fail(c, error,
+                               quoted                                     ? "a quote is not closed"
+                               : memchr(c->line, '\r', c->length) != NULL ? CR_ALONE
+                                                                          : "is longer than a million bytes");
         if (!c->cut) LG_TRY(widen(c, error));
     }
     if (c->cut) return LG_OK;
     char *to = c->line + c->length;
     memcpy(to, from, count);
     for (char *zero; (zero = memchr(to, '\0', count)) != NULL; *zero = '?')
-        if (c->wait == NULL) return lg_csv_fail(c, error, "is not text: neither CSV nor HDF5");
+        if (c->wait == NULL)
+            return lg_csv_fail(
+                c, error,
+                "is not text: it has a zero byte, so it is no CSV in UTF-8, and it does not begin "
+                "as HDF5 or an array of numpy (.npy)");
     c->length += count;
     if (c->number == 1 && c->length >= 3 && memcmp(c->line, "\xef\xbb\xbf", 3) == 0) {
         c->length -= 3;
@@ -302,6 +310,7 @@ lg_status lg_csv_header(lg_csv *c, lg_error *error) {
         if (lg_csv_comment(c->line) > 0) LG_TRY(keep_comment(c, error));
         if (!is_empty(c)) break;
     }
+    if (strchr(c->line, '\r') != NULL && strchr(c->line, '"') == NULL) return lg_csv_fail(c, error, CR_ALONE);
     c->separator = separator_of(c->line);
     c->cells = lg_csv_count(c->line, c->separator, &open);
     if (open) return lg_csv_fail(c, error, "a quote is not closed");
@@ -400,24 +409,6 @@ bool lg_csv_missing(const char *cell) {
     for (size_t i = 0; i < LG_COUNT(missing); i++)
         if (strcmp(cell, missing[i]) == 0) return true;
     return false;
-}
-
-lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, bool may_round, double *out,
-                        lg_error *error) {
-    char show[41];
-    *out = NAN;
-    if (lg_csv_missing(cell)) return LG_OK;
-    const lg_status status = lg_number_parse(cell, out);
-    if (status == LG_OK) return LG_OK;
-    if (status == LG_OUT_OF_MEMORY) return no_memory(c, error);
-    (void)snprintf(show, sizeof show, "%s", cell);
-    if (status == LG_UNSUPPORTED && may_round) return LG_OK;
-    if (status == LG_UNSUPPORTED)
-        return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: %s is beyond 2^53 and " LG_ROUNDED,
-                       c->shown, c->number, column, show);
-    return lg_fail(error, LG_FORMAT, "%s: line %zu: column %s: '%s' is not a %snumber%s", c->shown, c->number,
-                   column, lg_tamed(show), status == LG_NOT_FINITE ? "finite " : "",
-                   strchr(cell, ',') != NULL ? "; write decimals with a point" : LG_CSV_EMPTY);
 }
 
 /* ---- the file ---- */

@@ -73,10 +73,6 @@ lg_status lg_csv_name(lg_csv *c, char **at, char **name, lg_error *error);
 /* Fails if the line has another number of cells than the header. *cut becomes true, without a failure, if the
  * line has fewer cells and no newline, as when the end of a file is cut off. */
 lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error);
-/* Reads a number. Missing values ("", nan, NA, N/A, null) give NaN. A whole number in digits alone that no
- * double equals is LG_FORMAT unless it `may_round`. `column` is named in error messages. */
-lg_status lg_csv_number(const lg_csv *c, const char *cell, const char *column, bool may_round, double *out,
-                        lg_error *error);
 #define LG_CSV_EMPTY                                                                                         \
     "; leave cells without a value empty" /* ends messages about text in a column of numbers */
 bool lg_csv_missing(const char *cell);

@@ -9,6 +9,8 @@
 #include "files/h5.h"
 #include "files/read_file.h"
 
+#include "liegrad/settings.h"
+
 enum { FIRST_NAMES = 16, FIRST_NUMBERS = 8192, FIRST_BYTES = 16 };
 
 /* The last one takes every file. */
@@ -49,9 +51,10 @@ lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error) {
     return f->name[f->columns] == NULL ? lg_frame_no_memory(f, error) : (f->columns++, LG_OK);
 }
 
-static lg_status missing_column(const lg_frame *f, const char *name, lg_error *error) {
+static lg_status missing_column(lg_frame *f, const char *name, lg_error *error) {
     lg_name_list have = {.used = 0};
     char quoted[LG_CSV_QUOTED];
+    f->missing = name;
     for (uint32_t i = 0; i < f->columns; i++) lg_name_list_add(&have, lg_csv_quote(f->name[i], quoted));
     return lg_frame_fail(f, 0, NULL, error, "there is no column '%s'; the columns are: %s", name,
                          lg_tamed(have.text));
@@ -63,7 +66,7 @@ static lg_status find_column(const lg_frame *f, const lg_lookup *sorted, const c
     const lg_lookup *found = lg_lookup_find(sorted, f->columns, name);
     *at = found == NULL ? f->columns : (uint32_t)found->at;
     if (found != NULL && found + 1 < sorted + f->columns && strcmp(found[1].name, name) == 0)
-        return lg_frame_fail(f, 0, NULL, error, "there are two columns '%s'", name);
+        return lg_frame_fail(f, 0, NULL, error, "there are two columns '%s': rename one of them", name);
     return LG_OK;
 }
 
@@ -79,7 +82,8 @@ static lg_status find_want(lg_frame *f, const lg_lookup *sorted, lg_frame_want *
                        f->name[at]);
     want->first = want->as == LG_FRAME_TEXT ? f->texts++ : f->width++;
     *to = 1 + want->first;
-    use->rounds = use->rounds || want->as == LG_FRAME_ROUNDED;
+    want->clock = (lg_clock){.format = LG_TIME_NONE};
+    if (want->as == LG_FRAME_TIME) use->clock = &want->clock;
     return LG_OK;
 }
 
@@ -126,13 +130,55 @@ lg_status lg_frame_number_rows(lg_frame *f, size_t most, uint64_t left, lg_error
     return LG_OK;
 }
 
-lg_status lg_frame_put_text(lg_frame *f, size_t row, uint32_t column, const char *text, lg_error *error) {
+static lg_status put_text(lg_frame *f, size_t row, uint32_t column, const char *text, lg_error *error) {
     const size_t length = strlen(text);
     if (length >= LG_FRAME_NAME)
         return lg_frame_fail(f, row, f->name[column], error, "the text has more than %d bytes",
                              LG_FRAME_NAME - 1);
     memcpy(f->text[row * f->texts + f->use[column].text - 1], text, length + 1);
     return LG_OK;
+}
+
+static lg_status read_number(lg_frame *f, size_t row, uint32_t column, const char *cell, double *out,
+                             lg_error *error) {
+    static const char *const formats_of_times[] = {[LG_TIME_SECONDS] = "number of seconds",
+                                                   [LG_TIME_DATE] = "date without an offset",
+                                                   [LG_TIME_OFFSET] = "date with an offset",
+                                                   [LG_TIME_OF_DAY] = "time of day"};
+    char show[41];
+    lg_moment now;
+    lg_clock *clock = f->use[column].clock;
+    *out = NAN;
+    if (lg_csv_missing(cell)) return LG_OK;
+    (void)snprintf(show, sizeof show, "%s", cell);
+    const char *end = clock != NULL ? lg_moment_scan(cell, &now) : NULL;
+    if (end != NULL && *end == '\0') {
+        if (clock->format == LG_TIME_NONE) clock->line = f->line[row];
+        *out = lg_clock_read(clock, now);
+        if (now.format != clock->format)
+            return lg_frame_fail(f, row, f->name[column], error,
+                                 "'%s' is a %s, but %s %zu has a %s: write all times in one format", show,
+                                 formats_of_times[now.format], f->place, clock->line,
+                                 formats_of_times[clock->format]);
+        if (isfinite(*out)) return LG_OK;
+    }
+    const lg_status status = lg_number_parse(cell, out);
+    if (status == LG_OK) return LG_OK;
+    if (status == LG_UNSUPPORTED)
+        return lg_frame_fail(f, row, f->name[column], error, "%s is beyond 2^53 and " LG_ROUNDED, show);
+    return lg_frame_fail(
+        f, row, f->name[column], error, "'%s' is not a %snumber%s%s", lg_tamed(show),
+        status == LG_NOT_FINITE ? "finite " : "",
+        clock != NULL ? " of seconds, a date such as 2024-03-01T12:00:00.25Z or a time of day" : "",
+        strchr(cell, ',') != NULL ? "; write decimals with a point" : LG_CSV_EMPTY);
+}
+
+lg_status lg_frame_put_cell(lg_frame *f, size_t row, uint32_t column, const char *text, bool quoted,
+                            lg_error *error) {
+    const lg_frame_use *use = &f->use[column];
+    if (use->text > 0) LG_TRY(put_text(f, row, column, !quoted && lg_csv_missing(text) ? "" : text, error));
+    if (use->value == 0) return LG_OK;
+    return read_number(f, row, column, text, &f->value[row * f->width + use->value - 1], error);
 }
 
 lg_status lg_frame_put_number(lg_frame *f, size_t row, uint32_t column, char type, const void *number,
@@ -154,9 +200,9 @@ lg_status lg_frame_put_number(lg_frame *f, size_t row, uint32_t column, char typ
         (void)snprintf(text, sizeof text, "%s%llu", minus ? "-" : "", (unsigned long long)magnitude);
     else if (use->text > 0 && !isnan(value))
         lg_format_shortest(text, value == 0.0 ? 0.0 : value, type == 'f');
-    if (use->text > 0) LG_TRY(lg_frame_put_text(f, row, column, text, error));
+    if (use->text > 0) LG_TRY(put_text(f, row, column, text, error));
     if (use->value == 0) return LG_OK;
-    if (whole && !use->rounds && lg_whole_is_rounded(magnitude))
+    if (whole && use->clock == NULL && lg_whole_is_rounded(magnitude))
         return lg_frame_fail(f, row, f->name[column], error, "%s is beyond 2^53 and " LG_ROUNDED, text);
     f->value[row * f->width + use->value - 1] = value;
     return LG_OK;

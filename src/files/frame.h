@@ -2,7 +2,7 @@
  * format is a row of the table in frame.c. A subject says which columns it wants and what they mean; it
  * knows nothing of files. In a function of a subject:
  *
- *   lg_frame_want want[] = {{.name = "t", .as = LG_FRAME_ROUNDED},         a number; may be rounded
+ *   lg_frame_want want[] = {{.name = "t", .as = LG_FRAME_TIME},            a time, in seconds
  *                           {.name = "q"},                                 a number
  *                           {.name = "run", .as = LG_FRAME_TEXT, .optional = true}};
  *   lg_frame f = {.context = context, .path = path, .what = "log", .options = options,
@@ -23,9 +23,10 @@
  * process of lg_probe. A want may be the path of a data set in a group ("parameters/mass").
  *
  * Numbers: "", nan, NA, N/A and null are missing (NaN). Infinities are rejected, and so are whole numbers
- * that no double equals, unless they may be rounded. Texts: as written; "" if missing. In binary files a
- * whole number is its exact decimal text, a real number the shortest text that reads back as the same
- * number. liegrad/table.h ("tables of numbers") says which files are understood.
+ * that no double equals, except as times. Times: numbers, or dates with a time and times of day as texts,
+ * which become seconds since the first one; a column has one format. Texts: as written; "" if missing. In
+ * binary files a whole number is its exact decimal text, a real number the shortest text that reads back as
+ * the same number. liegrad/table.h ("tables of numbers") says which files are understood.
  *
  * Arrays of more than one number per row (windows, curves, trajectories, weights) are not columns: h5.h reads
  * them from lists that say their names and sizes (lg_h5_array). */
@@ -41,20 +42,50 @@ struct lg_frame_format;
 enum { LG_FRAME_NAME = 64, LG_FRAME_MOST_COLUMNS = 1 << 16 };
 typedef char lg_frame_text[LG_FRAME_NAME];
 
-typedef enum lg_frame_as { LG_FRAME_NUMBER, LG_FRAME_ROUNDED, LG_FRAME_TEXT } lg_frame_as;
+/* ---- times ---- */
+
+typedef enum lg_time_format {
+    LG_TIME_NONE,
+    LG_TIME_SECONDS, /* a number */
+    LG_TIME_DATE,    /* 2024-03-01T12:00:00.25, or with a blank in place of T; years 1900 to 2189 */
+    LG_TIME_OFFSET,  /* the same with Z, +01:00, +0100 or +01 at its end */
+    LG_TIME_OF_DAY   /* 12:00:00.25 */
+} lg_time_format;
+typedef struct lg_moment {
+    lg_time_format format;
+    int64_t nanoseconds; /* of dates and times of day; further digits are left out */
+    double seconds;
+} lg_moment;
+/* The times of a column. Initialise with {LG_TIME_NONE}. */
+typedef struct lg_clock {
+    lg_time_format format; /* of the first time */
+    int64_t first, last;
+    size_t line; /* of the first time; left to the caller */
+} lg_clock;
+/* Reads a time at the beginning of a text that may go on. Returns its end, or NULL if no time is there. */
+const char *lg_moment_scan(const char *text, lg_moment *out);
+/* Returns a number of seconds as it is, otherwise the seconds since the first time, exact to nanoseconds; NaN
+ * if the format is not that of the first time. A time of day that is more than half a day before the last one
+ * is of a later day. */
+double lg_clock_read(lg_clock *clock, lg_moment now);
+
+/* ---- wanted columns ---- */
+
+typedef enum lg_frame_as { LG_FRAME_NUMBER, LG_FRAME_TIME, LG_FRAME_TEXT } lg_frame_as;
 typedef struct lg_frame_want {
     const char *name;
     lg_frame_as as;
     bool optional; /* the file need not have the column */
     /* Set by lg_frame_open. */
     bool there;
-    size_t first; /* index in a row of `value` (numbers) or of `text`; without meaning unless it is there */
+    size_t first;   /* index in a row of `value` (numbers) or of `text`; without meaning unless it is there */
+    lg_clock clock; /* of times that are texts; set by lg_frame_next */
 } lg_frame_want;
 
 /* Where a column of the file goes: indices plus 1, or 0. */
 typedef struct lg_frame_use {
     size_t value, text;
-    bool rounds;
+    lg_clock *clock; /* NULL: it is not a time */
 } lg_frame_use;
 
 typedef struct lg_frame {
@@ -78,6 +109,7 @@ typedef struct lg_frame {
     bool cut;            /* the last line of the file is incomplete and was left out */
     /* Internal. */
     const struct lg_frame_format *format;
+    const char *missing; /* the wanted column that the file has not, or NULL */
     void *source;
     lg_frame_use *use; /* (columns) */
     size_t before, room, name_room;
@@ -117,9 +149,10 @@ lg_status lg_frame_find(lg_frame *f, lg_error *error);
 lg_status lg_frame_reserve(lg_frame *f, size_t rows, lg_error *error);
 /* Sets f->rows and the lines of a file whose rows have numbers. `left`: rows that are left. */
 lg_status lg_frame_number_rows(lg_frame *f, size_t most, uint64_t left, lg_error *error);
-/* Put a cell of the block where it is wanted. `number` points to an int64_t (type i), an uint64_t (u) or a
- * double (d; f: it was a float). */
-lg_status lg_frame_put_text(lg_frame *f, size_t row, uint32_t column, const char *text, lg_error *error);
+/* Put a cell of the block where it is wanted. In quotes a word such as nan is a text, too. `number` points to
+ * an int64_t (type i), an uint64_t (u) or a double (d; f: it was a float). */
+lg_status lg_frame_put_cell(lg_frame *f, size_t row, uint32_t column, const char *text, bool quoted,
+                            lg_error *error);
 lg_status lg_frame_put_number(lg_frame *f, size_t row, uint32_t column, char type, const void *number,
                               lg_error *error);
 static inline bool lg_frame_is_wanted(const lg_frame *f, uint32_t column) {

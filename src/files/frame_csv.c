@@ -33,12 +33,7 @@ static lg_status read_row(lg_frame *f, lg_csv *c, lg_error *error) {
     for (uint32_t i = 0; at != NULL; i++) {
         LG_TRY(lg_csv_cell(c, &at, &cell, error));
         if (i == f->columns) return lg_csv_fail(c, error, "a cell has a quote inside");
-        const lg_frame_use *use = &f->use[i];
-        if (use->text > 0)
-            LG_TRY(lg_frame_put_text(f, row, i, !c->quoted && lg_csv_missing(cell) ? "" : cell, error));
-        if (use->value > 0)
-            LG_TRY(lg_csv_number(c, cell, f->name[i], use->rounds, &f->value[row * f->width + use->value - 1],
-                                 error));
+        LG_TRY(lg_frame_put_cell(f, row, i, cell, c->quoted, error));
     }
     f->rows++;
     return LG_OK;

@@ -179,7 +179,8 @@ static lg_status check_sources(h5_file *h, lg_error *error) {
     for (const source *s = h->sources; s < h->sources + h->count; s++) {
         const uint64_t rows = rows_of(s);
         if (!is_wanted(h->frame, s)) continue;
-        if (s->about.kind == LG_H5_WORDS && h->frame->use[s->first].value > 0)
+        const lg_frame_use *use = &h->frame->use[s->first];
+        if (s->about.kind == LG_H5_WORDS && use->value > 0 && use->clock == NULL)
             return lg_fail(error, LG_FORMAT, "%s: /%s: does not hold numbers", h->frame->shown, s->name);
         if (h->counts != NULL && rows != h->rows)
             return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, but /%s has %llu", h->frame->shown,
@@ -196,7 +197,7 @@ static lg_status put_text(void *user, uint64_t index, const char *text, lg_error
     const void *const *call = user;
     const source *s = call[1];
     lg_frame *f = ((const h5_file *)call[0])->frame;
-    return lg_frame_put_text(f, (size_t)(index - f->before), s->first, text, error);
+    return lg_frame_put_cell(f, (size_t)(index - f->before), s->first, text, true, error);
 }
 
 static lg_status put_numbers(lg_frame *f, const source *s, const double *values, size_t row, size_t rows,
@@ -245,6 +246,17 @@ static lg_status is_h5(const char *path, const unsigned char *first, size_t coun
     return lg_file_is_h5(path, is, error);
 }
 
+/* Adds to the message about a missing column what has its name. */
+static lg_status explain(h5_file *h, lg_status status, lg_error *error) {
+    lg_h5_about about;
+    const char *name = h->frame->missing;
+    if (error == NULL || name == NULL || lg_h5_look(h->h5, name, 1, &about, NULL) != LG_OK) return status;
+    const lg_error was = *error;
+    return lg_fail(error, status,
+                   about.rank == 0 ? "%s; /%s is a single number or text" : "%s; /%s has %u dimensions",
+                   was.message, name, about.rank);
+}
+
 static lg_status begin(lg_frame *f, lg_error *error) {
     h5_file *h = f->source;
     LG_TRY(lg_h5_open(f->context, f->path, f->options, &h->h5, error));
@@ -252,8 +264,8 @@ static lg_status begin(lg_frame *f, lg_error *error) {
     if (f->columns == 0)
         return lg_fail(error, LG_FORMAT, "%s: has no data set at its root that is a column of numbers",
                        f->shown);
-    LG_TRY(lg_frame_find(f, error));
-    return check_sources(h, error);
+    const lg_status status = lg_frame_find(f, error);
+    return status == LG_OK ? check_sources(h, error) : explain(h, status, error);
 }
 
 /* What the child process does: reads all that is wanted. */

@@ -49,8 +49,8 @@ static lg_status read_header(const lg_frame *f, npy *n, lg_error *error) {
 }
 
 /* Returns the text after 'key': in the dictionary, or NULL if the key is missing or occurs twice. */
-static const char *value_of(const npy *n, const char *key) {
-    const char *at = strstr(n->header, key);
+static char *value_of(npy *n, const char *key) {
+    char *at = strstr(n->header, key);
     if (at == NULL || strstr(at + 1, key) != NULL) return NULL;
     at += strlen(key);
     return at + strspn(at, " :");
@@ -58,20 +58,24 @@ static const char *value_of(const npy *n, const char *key) {
 
 /* Parses a type such as '<f8' or '|b1'. */
 static lg_status parse_type(const lg_frame *f, npy *n, lg_error *error) {
-    const char *at = value_of(n, "'descr'");
-    if (at == NULL || *at != '\'' || strlen(at) < 4)
+    char *at = value_of(n, "'descr'");
+    if (at == NULL || (*at != '\'' && *at != '[') || strlen(at) < 4)
         return fail(f, "does not hold a plain array of numbers (descr)", error);
     n->kind = at[2];
     n->bytes = (unsigned)(at[3] - '0');
     n->big_endian = at[1] == '>';
+    const bool records = *at == '[';
     const bool whole = (n->kind == 'i' || n->kind == 'u') &&
                        (n->bytes == 1 || n->bytes == 2 || n->bytes == 4 || n->bytes == 8);
     const bool real = n->kind == 'f' && (n->bytes == 4 || n->bytes == 8);
-    if (at[4] == '\'' && (whole || real || (n->kind == 'b' && n->bytes == 1))) return LG_OK;
-    return lg_fail(
-        error, LG_FORMAT,
-        "%s: holds numbers of type %.8s; the types that can be read are f4, f8, i1 to i8, u1 to u8 and b1",
-        f->shown, at);
+    if (!records && at[4] == '\'' && (whole || real || (n->kind == 'b' && n->bytes == 1))) return LG_OK;
+    const size_t length = strcspn(at, records ? "]" : ",") + records;
+    return lg_fail(error, LG_FORMAT, "%s: holds %s of type %.*s; %s", f->shown,
+                   records ? "records" : "values", (int)(length < 80 ? length : 80), lg_tamed(at),
+                   records ? "save their columns as one array, numpy.column_stack([a[name] for name in "
+                             "a.dtype.names]), or as CSV"
+                           : "the types that can be read are f4, f8, i1 to i8, u1 to u8 and b1; convert with "
+                             "a.astype('f8')");
 }
 
 static lg_status parse_shape(const lg_frame *f, npy *n, lg_error *error) {

@@ -859,7 +859,7 @@ static const odd odds[] = {
     {"a,b,y\n1,0x10,3\n4,5,6\n", "", 3, "'0x10' is not a number"},
     {"1,2,3\n4,5,6\n7,8,9\n", "", 3, "line 1: has numbers where the names"},
     {"5.1,3.5,setosa\n4.9,3,setosa\n", "", 3, "there is no header"},
-    {"a,a,y\n1,2,3\n4,5,6\n", "", 3, "there are two columns 'a'"},
+    {"a,a,y\n1,2,3\n4,5,6\n", "", 3, "two columns 'a': rename one of them; --without a leaves out"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,q", 3, "there is no column 'q'; the columns are: a, b, y"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--outputs x", 3, "there is no column 'x'"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--class x", 3, "there is no column 'x'"},
@@ -978,7 +978,7 @@ TEST("many columns with far cells, or with texts, are told in few words") {
     assert_says(result.err, "3 more columns have cells far from all others");
     write_many("many.csv", 80, 0, true);
     cli_expect(fit, "train many.csv --out m2.h5", 3,
-               "--without A,B,... leaves out columns that are not numbers");
+               "--without A,B,... leaves out columns that cannot be read");
     write_many("many.csv", 101, 0, true); /* too many to try each */
     cli_expect(fit, "train many.csv --out m2.h5", 3, "column c0: 'x' is not a number");
     assert_null(strstr(result.err, "--without"));
@@ -1049,7 +1049,7 @@ TEST("files that are not tables cause a message and an exit code too") {
     } arrays[] = {
         {"{'descr': '<c16', 'fortran_order': False, 'shape': (2, 2), }\n", "type"},
         {"{'descr': '|O', 'fortran_order': False, 'shape': (2, 2), }\n", "type"},
-        {"{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (2,), }\n", "descr"},
+        {"{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (2,), }\n", "holds records of type"},
         {"{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2, 2), }\n", "one or two dimensions"},
         {"{'descr': '<f8', 'fortran_order': False, 'shape': (), }\n", "single number"},
         {"{'descr': '<f8', 'fortran_order': False, 'shape': (0, 3), }\n", "dimensions is 0"},

@@ -44,6 +44,9 @@ TEST("quotes that are not closed and lines of more than a million bytes are refu
     memset(text, ' ', LONG);
     memcpy(text, "a,b\n", 4);
     assert_says(read_row(text, LONG), "line 2: is longer than a million bytes");
+    text[100] = '\r';
+    assert_says(read_row(text, LONG), "line 2: has lines that end with a carriage return alone (CR)");
+    text[100] = ' ';
     memcpy(text + 4, "1,", 2);
     text[1 << 19] = '\n';
     assert_string_equal(read_row(text, (1 << 19) + 1), "");

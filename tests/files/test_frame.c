@@ -260,3 +260,163 @@ TEST("columns that do not belong together are rejected with file, row and column
     assert_status(lg_frame_open(&f, NULL), LG_INVALID_ARGUMENT);
     lg_frame_close(&f);
 }
+
+/* ---- what is found in a bad file, and what to do ---- */
+
+/* Numbers t and x, a single number y0, an array of rank 3, and records with another x. */
+static void write_misfits(const char *path) {
+    const struct record { double x, y; } records[2] = {{1, 2}, {3, 4}};
+    const double numbers[8] = {0, 1, 2, 3, 4, 5, 6, 7};
+    hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    hid_t type = H5Tcreate(H5T_COMPOUND, sizeof *records);
+    assert_true(H5Tinsert(type, "x", HOFFSET(struct record, x), H5T_NATIVE_DOUBLE) >= 0 &&
+                H5Tinsert(type, "y", HOFFSET(struct record, y), H5T_NATIVE_DOUBLE) >= 0);
+    put_dataset(file, "records", type, type, 1, (hsize_t[]){2}, false, records);
+    put_dataset(file, "x", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, (hsize_t[]){2}, false, numbers);
+    put_dataset(file, "y0", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 0, NULL, false, numbers);
+    put_dataset(file, "cube", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, (hsize_t[]){2, 2, 2}, false, numbers);
+    assert_true(H5Tclose(type) >= 0 && H5Fclose(file) >= 0);
+}
+
+#define BYTES(text) text, sizeof text - 1
+#define NPY(descr)  BYTES("\x93NUMPY\1\0\x30\0{'descr': " descr ", 'fortran_order': False, 'shape': (2,)}\n")
+#define NO_TEXT     "is not text: it has a zero byte, so it is no CSV in UTF-8, and it does not begin as HDF5"
+
+TEST("a message about a bad file says what was found and what to do") {
+    static const struct {
+        const char *text; /* NULL: HDF5 */
+        size_t bytes;
+        const char *want, *says;
+    } rows[] = {
+        {NPY("'<f2'"), "x",
+         "values of type '<f2'; the types that can be read are f4, f8, i1 to i8, u1 to u8"},
+        {NPY("'<f2'"), "x", "b1; convert with a.astype('f8')"},
+        {NPY("'<M8[ns]'"), "x", "values of type '<M8[ns]'; the types"},
+        {NPY("[('t', '<f8'), ('x', '<f8')]"), "x",
+         "records of type [('t', '<f8'), ('x', '<f8')]; save their"},
+        {NPY("[('t', '<f8'), ('x', '<f8')]"), "x", "as one array, numpy.column_stack("},
+        {BYTES("t,x,x\n0,1,2\n"), "x", "line 1: there are two columns 'x': rename one of them"},
+        {NULL, 0, "x", "there are two columns 'x': rename one of them"},
+        {NULL, 0, "y0", "there is no column 'y0'; the columns are: x, y, x; /y0 is a single number"},
+        {NULL, 0, "cube", "there is no column 'cube'; the columns are: x, y, x; /cube has 3 dimensions"},
+        {NULL, 0, "z", "there is no column 'z'; the columns are: x, y, x"},
+        {BYTES("t\0,\0x\0\n"), "x", NO_TEXT " or an array of numpy (.npy)"}, /* UTF-16 */
+        {BYTES("PK\3\4\0"), "x", NO_TEXT},                                   /* zip */
+        {BYTES("t,x\r0,1\r2,3\r"), "x", "line 1: has lines that end with a carriage return alone (CR): let"},
+        {BYTES("t,\"x\rm\"\n0,1\n"), "x", "there is no column 'x'"},
+    };
+    const lg_read_options here = without_probe();
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const char *path = scratch_path("bad");
+        lg_frame_want want = {.name = rows[i].want};
+        lg_frame f = new_frame(path, &here, &want, 1);
+        lg_error error = {LG_OK, ""};
+        if (rows[i].text == NULL)
+            write_misfits(path);
+        else
+            write_bytes_to(path, rows[i].text, rows[i].bytes);
+        lg_status status;
+        while (lg_test_again(status = lg_frame_open(&f, &error))) lg_frame_close(&f);
+        assert_int_equal(status, LG_FORMAT);
+        assert_says(error.message, rows[i].says);
+        lg_frame_close(&f);
+    }
+}
+
+/* ---- times ---- */
+
+/* Reads the column t in blocks of two rows; returns the times as "0 0.25 ..." or the message. */
+static const char *times_of(const char *path) {
+    static char all[1000];
+    const lg_read_options here = without_probe();
+    lg_frame_want want = {.name = "t", .as = LG_FRAME_TIME};
+    lg_frame f = new_frame(path, &here, &want, 1);
+    lg_error error = {LG_OK, ""};
+    lg_status status;
+    all[0] = '\0';
+    while (lg_test_again(status = lg_frame_open(&f, &error))) lg_frame_close(&f);
+    do {
+        if (status == LG_OK) status = lg_frame_next(&f, 2, &error);
+        for (size_t i = 0; i < f.rows && status == LG_OK; i++)
+            lg_append(all, sizeof all, "%s%.15g", *all != '\0' ? " " : "", f.value[i]);
+    } while (status == LG_OK && f.rows > 0);
+    lg_frame_close(&f);
+    if (lg_test_again(status)) return times_of(path);
+    if (status != LG_OK) (void)snprintf(all, sizeof all, "%s", error.message);
+    return all;
+}
+
+#define NO_TIME "is not a number of seconds, a date such as 2024-03-01T12:00:00.25Z or a time of day"
+
+TEST("dates and times of day are seconds since the first one, exact to nanoseconds") {
+    static const struct {
+        const char *cells, *times;
+    } rows[] = {
+        {"5\n5.25\n1709294400000000001\n", "5 5.25 1.7092944e+18"},
+        {"2024-03-01T12:00:00.250Z\n2024-03-01T12:00:00.250000001Z\n2024-03-01T12:00:01Z\n", "0 1e-09 0.75"},
+        {"2024-02-28 23:59:59.999\nnan\n2024-02-29 00:00:00\n2024-03-01 0:00:00\n", "0 nan 0.001 86400.001"},
+        {"2023-02-28T00:00:00\n2023-03-01T00:00:00\n1900-01-01T00:00:00\n2100-03-01T00:00:00\n",
+         "0 86400 -3886531200 2430000000"},
+        {"2000-01-01T00:00:00\n1900-03-01T00:00:00\n2000-03-01T00:00:00\n", "0 -3150576000 5184000"},
+        {"2024-03-31T01:59:59+01:00\n2024-03-31T03:00:00+0200\n2024-03-31T01:00:02Z\n"
+         "2024-03-30T20:30:03.5-04:30\n2024-03-31T01:00:04+00\n",
+         "0 1 3 4.5 5"},
+        {"nan\n9:00:00\n09:00:00.125000000999\n9:59:59\n", "nan 0 0.125 3599"},
+        {"23:59:59.5\n00:00:00.5\n12:00:00\n23:00:00\n01:00:00\n", "0 1 43200.5 82800.5 90000.5"},
+        {"12:00:00\n11:59:59\n12:00:01\n", "0 -1 1"}, /* no midnight: the clock was set back */
+        {"14:00:00\n00:00:00\n14:00:01\n", "0 36000 1"},
+        {"2024-03-01T12:00:00Z\n2024-03-01T12:00:01\n",
+         "line 3: column t: '2024-03-01T12:00:01' is a date without an offset, but line 2 has a date with an "
+         "offset: write all times in one format"},
+        {"\n0.5\n12:00:00\n",
+         "line 4: column t: '12:00:00' is a time of day, but line 3 has a number of seconds"},
+        {"12:00:00\n0.5\n", "line 3: column t: '0.5' is a number of seconds, but line 2 has a time of day"},
+        {"1e999\n", "line 2: column t: '1e999' is not a finite number"},
+        {"one\n", "'one' " NO_TIME "; leave cells without a value empty"},
+        {"12:00:00,5\n", "has 2 cells"},
+        {"24:00:00\n", "'24:00:00' " NO_TIME},
+        {"12:60:00\n", NO_TIME},
+        {"12:00:60\n", NO_TIME},
+        {"12:00\n", NO_TIME},
+        {"-12:00:00\n", NO_TIME},
+        {"12:00:00h\n", NO_TIME},
+        {"2024-03-01\n", NO_TIME},
+        {"2024-03-01T\n", NO_TIME},
+        {"2024-03-01_12:00:00\n", NO_TIME},
+        {"2024-00-01T12:00:00\n", NO_TIME},
+        {"2024-13-01T12:00:00\n", NO_TIME},
+        {"2024-04-00T12:00:00\n", NO_TIME},
+        {"2024-04-31T12:00:00\n", NO_TIME},
+        {"2023-02-29T12:00:00\n", NO_TIME},
+        {"2100-02-29T12:00:00\n", NO_TIME},
+        {"1899-12-31T12:00:00\n", NO_TIME},
+        {"2190-01-01T12:00:00\n", NO_TIME},
+        {"2024-03-01T12:00:00+24:00\n", NO_TIME},
+        {"2024-03-01T12:00:00+01:60\n", NO_TIME},
+        {"2024-03-01T12:00:00+1\n", NO_TIME},
+        {"2024-03-01T12:00:00+01:\n", NO_TIME},
+        {"2024-03-01T12:00:00+01:0\n", NO_TIME},
+        {"2024-03-01T12:00:00ZZ\n", NO_TIME},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        write_text_to(scratch_path("times.csv"), test_text("t\n%s", rows[i].cells));
+        assert_says(times_of(scratch_path("times.csv")), rows[i].times);
+    }
+}
+
+TEST("times that are texts in HDF5 are read as those of CSV, other columns must be numbers") {
+    static const char *const texts[] = {"2024-03-01T12:00:00Z", "2024-03-01T12:00:00.5Z", "12:00:00"};
+    for (int good = 0; good < 2; good++) {
+        char words[3][24] = {""};
+        for (int i = 0; i < 3; i++)
+            (void)snprintf(words[i], sizeof *words, "%s", texts[good && i == 2 ? 0 : i]);
+        hid_t file = H5Fcreate(scratch_path("times.h5"), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+        hid_t type = H5Tcopy(H5T_C_S1);
+        assert_true(H5Tset_size(type, sizeof *words) >= 0);
+        put_dataset(file, "t", type, type, 1, (hsize_t[]){3}, false, words);
+        assert_true(H5Tclose(type) >= 0 && H5Fclose(file) >= 0);
+        assert_says(times_of(scratch_path("times.h5")),
+                    good ? "0 0.5 0"
+                         : "row 3: column t: '12:00:00' is a time of day, but row 1 has a date with");
+    }
+}

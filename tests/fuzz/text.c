@@ -187,7 +187,7 @@ void fuzz_study(const uint8_t *data, size_t size) {
 static void read_frame(const char *path, const lg_table_names *names) {
     enum { WANTS = 3, BLOCK = 3 };
     const uint32_t second = names->count > 1;
-    lg_frame_want want[WANTS] = {{.name = names->name[0], .as = LG_FRAME_ROUNDED},
+    lg_frame_want want[WANTS] = {{.name = names->name[0], .as = LG_FRAME_TIME},
                                  {.name = names->name[second], .as = LG_FRAME_TEXT},
                                  {.name = "x", .optional = true}};
     lg_frame f = {.path = path, .what = "table", .want = want, .wants = WANTS};

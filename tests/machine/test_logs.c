@@ -179,6 +179,14 @@ TEST("numbers are scaled, times too") {
     assert_close(logs->dt_median, 0.01, 1e-15, 0);
 }
 
+TEST("times of a log may be dates or times of day, which have no scale") {
+    static const char dates[] = "t,q,v\n2024-02-29T23:59:59.75Z,1,5\n2024-03-01T00:00:00.25Z,2,6\n";
+    const lg_logs *logs = read_text(machine(LINE), dates);
+    assert_true(logs->t[0] == 0 && logs->t[1] == 0.5 && logs->dt_median == 0.5);
+    refuse_text(machine(LINE "scale: {t: 0.001}\n"), dates, "column t: has dates or times of day",
+                "remove its scale, 0.001");
+}
+
 /* ---- runs and parts ---- */
 
 TEST("a file is a run, or a column names the runs") {

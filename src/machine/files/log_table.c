@@ -104,12 +104,18 @@ static lg_status read_file(lg_log_table *t, uint32_t file, lg_frame *f) {
     LG_TRY(lg_frame_open(f, t->error));
     t->place[file] = f->place;
     LG_TRY(lg_frame_next(f, SIZE_MAX, t->error));
+    const lg_log_column *time = &t->machine->columns[t->machine->time];
+    const lg_time_format format = f->want[t->machine->time].clock.format;
+    if (format > LG_TIME_SECONDS && time->scale != 1)
+        return lg_fail(
+            t->error, LG_FORMAT,
+            "%s: column %s: has dates or times of day, which become seconds: remove its scale, %.6g",
+            f->shown, time->name, time->scale);
     LG_TRY(append_rows(t, file, f));
     if (f->cut) lg_log_warn(t, "%s: the last line was cut off and left out", f->shown);
     const size_t timeless = t->rows_read - read - (t->rows - before);
     if (t->rows == before)
-        return lg_fail(t->error, LG_FORMAT, "%s: has no row with a time (column %s)", f->shown,
-                       t->machine->columns[t->machine->time].name);
+        return lg_fail(t->error, LG_FORMAT, "%s: has no row with a time (column %s)", f->shown, time->name);
     if (timeless > 0) lg_log_warn(t, "%s: %zu rows without a time were left out", f->shown, timeless);
     return LG_OK;
 }
@@ -126,7 +132,7 @@ lg_status lg_log_read_files(lg_log_table *t) {
         for (uint32_t i = 0; i < t->columns; i++)
             want[i] = (lg_frame_want){.name = t->machine->columns[i].name,
                                       .as = i == t->machine->run    ? LG_FRAME_TEXT
-                                            : i == t->machine->time ? LG_FRAME_ROUNDED
+                                            : i == t->machine->time ? LG_FRAME_TIME
                                                                     : LG_FRAME_NUMBER};
         const lg_status status = read_file(t, file, &f);
         lg_frame_close(&f);

@@ -116,13 +116,15 @@ static lg_status fail_columns(lg_training *self, lg_error *error) {
     const bool tried = s->inputs.count <= MOST_TRIED && is_readable(self, &none);
     for (uint32_t i = 0; tried && i < s->inputs.count; i++) {
         const lg_table_names one = {.count = 1, .name = s->inputs.name + i};
-        if (!is_readable(self, &one))
+        bool again = false; /* two columns of one name */
+        for (uint32_t k = 0; k < i; k++) again = again || strcmp(s->inputs.name[k], one.name[0]) == 0;
+        if (!again && !is_readable(self, &one))
             lg_text_add(&list, "%s%s", list.length > 0 ? "," : "", lg_csv_quote(one.name[0], quoted));
     }
     if (list.data != NULL) lg_text_add_word(&word, list.data);
     const char *empty = strstr(was.message, LG_CSV_EMPTY);
     if (word.data != NULL)
-        (void)lg_fail(error, was.status, "%.*s; --without %s leaves out columns that are not numbers%s",
+        (void)lg_fail(error, was.status, "%.*s; --without %s leaves out columns that cannot be read%s",
                       empty != NULL ? (int)(empty - was.message) : 250, was.message,
                       word.length <= MOST_SHOWN ? word.data : "A,B,...", empty != NULL ? LG_CSV_EMPTY : "");
     lg_text_destroy(&word);
