@@ -286,19 +286,22 @@ static bool check_rate(watching *self) {
     return true;
 }
 
-/* Returns whether the times of the first samples increase: most of them if only its place makes the column
- * one of times, otherwise half of them. */
-static bool first_times_increase(const timing *t, bool guessed) {
-    uint32_t rises = 1;
-    for (uint32_t i = 1; i < t->firsts; i++) rises += t->first[i].time > t->first[i - 1].time;
-    return t->firsts < LEAST_TIMES || 4 * rises >= (guessed ? 3 : 2) * t->firsts;
+/* Returns whether the times of the first samples increase: at least half of them, and at most a quarter goes
+ * back. */
+static bool first_times_increase(const timing *t) {
+    uint32_t rises = 1, falls = 0;
+    for (uint32_t i = 1; i < t->firsts; i++) {
+        rises += t->first[i].time > t->first[i - 1].time;
+        falls += t->first[i].time < t->first[i - 1].time;
+    }
+    return t->firsts < LEAST_TIMES || (2 * rises >= t->firsts && 4 * falls <= t->firsts);
 }
 
 /* Finds out what is in the column of times. False: it is no time, or of another rate. */
 static bool check_times(watching *self) {
     sample_reader *reader = self->reader;
     self->timing.measured = true;
-    if (first_times_increase(&self->timing, reader->guessed)) return check_rate(self);
+    if (first_times_increase(&self->timing)) return check_rate(self);
     self->refused = !reader->guessed;
     if (self->refused) {
         (void)app_fail(self->app, LG_FILE, "column %s should be the time, but it does not increase",

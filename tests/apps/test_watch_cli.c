@@ -604,6 +604,8 @@ TEST("a first column is the time if it increases or its name says so; otherwise 
         {"zeit,a,b\n", 0, 0.2, 0, 0, ""},
         {"zeit,a,b\n", 0, 0.1, 0, 3, "column zeit comes first and increases, so it is taken as the time"},
         {"seconds,other,a,b\n", 0, 0.2, 0, 0, "left out: other"},
+        {"t,a,b\n", 20, 0, 1, 3, "column t should be the time, but it does not increase"},
+        {"", 20, 0, 1, 3, "column 1 should be the time, but it does not increase"},
         {"t,a,b\n", 7, 0, 0, 3, "column t should be the time, but it does not increase"},
         {"", 7, 0, 0, 3, "column 1 should be the time, but it does not increase"},
     };
