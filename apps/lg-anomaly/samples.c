@@ -166,19 +166,24 @@ static bool split_line(sample_reader *reader, char *p, bool *open) {
     return true;
 }
 
-/* The same. If only its place makes the first column one of times, and the first sample has no number there,
- * the column is left out. */
+void sample_leave_times(sample_reader *reader) {
+    reader->time = 0;
+    reader->guessed = false;
+    reader->layout = LAYOUT_VALUES;
+}
+
+/* The same. If only its place makes the first column one of times, and it has no time before something that
+ * is no number, the column is left out. */
 static bool read_line(sample_reader *reader, char *p, bool *open) {
     if (split_line(reader, p, open)) return true;
-    if (!reader->guessed || reader->lines > 0) return false;
+    if (!reader->guessed || reader->clock.format != LG_TIME_NONE) return false;
     reader->time = 0;
     if (!split_line(reader, p, open)) {
         reader->time = 1;
         return false;
     }
     lg_name_list_add(&reader->extra, reader->frame.name[0]);
-    reader->guessed = false;
-    reader->layout = LAYOUT_VALUES;
+    sample_leave_times(reader);
     return true;
 }
 
@@ -247,9 +252,10 @@ static bool is_header(sample_reader *reader, const char *line) {
     return true;
 }
 
-/* Whether the name is t, time, times, timestamp or datetime, also with a unit, as in "time_s" or "t [s]". */
+/* Whether the name is t, time, times, seconds, timestamp or datetime, also with a unit, as in "time_s" or
+ * "t [s]". */
 static bool is_time(const char *name) {
-    static const char *const names[] = {"t", "time", "times", "timestamp", "datetime"};
+    static const char *const names[] = {"t", "time", "times", "seconds", "timestamp", "datetime"};
     size_t letters = 0;
     while (isalpha((unsigned char)name[letters])) letters++;
     for (size_t i = 0; i < LG_COUNT(names); i++)
@@ -257,9 +263,10 @@ static bool is_time(const char *name) {
     return false;
 }
 
-/* Reads the names of a line into `frame`: separated by commas if the line has one, else by semicolons if it
- * has one, else by blanks. */
-static void read_names(sample_reader *reader, const char *line) {
+/* Reads the names of a line: separated by commas if the line has one, else by semicolons if it has one, else
+ * by blanks. */
+static lg_frame read_names(sample_reader *reader, const char *line) {
+    lg_frame read = {.shown = reader->csv.shown, .place = "line", .header = (size_t)reader->line};
     APP_FREE char *text = app_format("%s", line);
     lg_csv *csv = &reader->csv;
     bool open;
@@ -268,15 +275,18 @@ static void read_names(sample_reader *reader, const char *line) {
                      : lg_csv_count(text, ';', &open) > 1 ? ';'
                                                           : ' ';
     if (csv->separator == ' ') lg_csv_join_blanks(text, ' ');
-    lg_frame_close(&reader->frame);
     while (at != NULL && lg_csv_cell(csv, &at, &cell, NULL) == LG_OK && (at != NULL || *cell != '\0'))
-        if (lg_frame_add_name(&reader->frame, cell, NULL) != LG_OK) return;
+        if (lg_frame_add_name(&read, cell, NULL) != LG_OK) break;
+    return read;
 }
 
 /* Finds the channels and the times among the columns, and lists the names of the others. */
 static lg_status find_columns(sample_reader *reader) {
     lg_frame *f = &reader->frame;
     uint32_t numbers = 0;
+    reader->time = 0;
+    reader->guessed = false;
+    reader->clock = (lg_clock){.format = LG_TIME_NONE};
     for (uint32_t c = 0; c < reader->channels; c++)
         if (!reader->want[c].there)
             return lg_frame_fail(f, 0, NULL, &reader->error,
@@ -298,26 +308,48 @@ static lg_status find_columns(sample_reader *reader) {
             lg_name_list_add(&reader->extra, f->name[i]);
         }
     }
-    if (reader->extra.used > 0) reader->layout = reader->time > 0 ? LAYOUT_TIMED : LAYOUT_VALUES;
+    if (reader->extra.used > 0 || reader->renamed)
+        reader->layout = reader->time > 0 ? LAYOUT_TIMED : LAYOUT_VALUES;
     return LG_OK;
 }
 
-/* Processes a line of words before the first sample. Fails if it names only some of the channels, or names
- * one twice. If it names no channel, the feed may be rejected at the first sample. A comment, as
- * numpy.savetxt writes it, is a comment only, unless it names all channels. */
-static lg_status take_names(sample_reader *reader, char *line, bool comment) {
+static bool same_names(const lg_frame *a, const lg_frame *b) {
+    bool same = a->columns == b->columns;
+    for (uint32_t i = 0; same && i < a->columns; i++) same = strcmp(a->name[i], b->name[i]) == 0;
+    return same;
+}
+
+/* Takes the columns from a line of words if it names all channels; frame.header is then its line. If the
+ * first such line names no channel, the feed may be rejected at the first sample. Fails if the line names
+ * only some of the channels, or names one twice. Later lines fail so only if lines have as many cells and the
+ * line was not before the first sample (known). A comment, as numpy.savetxt writes it, is a comment only,
+ * unless it names all channels. */
+static lg_status take_names(sample_reader *reader, char *line, bool comment, bool known) {
     lg_frame *f = &reader->frame;
+    const char separator = reader->csv.separator;
+    const uint32_t cells = f->columns > 0 ? f->columns : reader->channels + (reader->layout == LAYOUT_TIMED);
     uint32_t found = 0;
-    if (reader->names == NULL || f->columns > 0) return LG_OK;
+    if (reader->names == NULL) return LG_OK;
     line = skip_blanks(line);
-    read_names(reader, line + (comment && (*line == ',' || *line == ';')));
-    f->header = (size_t)reader->line;
-    lg_status status = lg_frame_find(f, comment ? NULL : &reader->error);
-    for (uint32_t c = 0; c < reader->channels; c++) found += reader->want[c].there;
-    const bool named = comment ? status == LG_OK && found == reader->channels : status != LG_OK || found > 0;
-    if (named) return status != LG_OK ? status : find_columns(reader);
-    if (!comment) reader->unnamed = f->columns - reader->channels < 2;
-    lg_frame_close(f);
+    lg_frame now = read_names(reader, line + (comment && (*line == ',' || *line == ';')));
+    now.want = reader->want;
+    now.wants = reader->channels;
+    const bool first = reader->lines == 0 && f->columns == 0, same = same_names(&now, f),
+               strict = !comment && (first || (!known && now.columns == cells));
+    const lg_status status = lg_frame_find(&now, strict ? &reader->error : NULL);
+    for (uint32_t c = 0; status == LG_OK && c < reader->channels; c++) found += reader->want[c].there;
+    if ((found == reader->channels && !same) || (strict && (found > 0 || status != LG_OK))) {
+        lg_frame_close(f);
+        *f = now;
+        reader->renamed = !first;
+        return status != LG_OK ? status : find_columns(reader);
+    }
+    if (same)
+        f->header = now.header;
+    else
+        reader->csv.separator = separator;
+    if (first && !comment) reader->unnamed = now.columns - reader->channels < 2;
+    lg_frame_close(&now);
     return LG_OK;
 }
 
@@ -344,9 +376,9 @@ static bool elect(sample_reader *reader, char *line, uint32_t votes[3], sample_l
         if (open && vote == LAYOUT_VALUES && *names == LAYOUT_TIMED) vote = LAYOUT_TIMED;
         if (*first == LAYOUT_UNKNOWN) *first = vote;
     } else if (reader->words && *first == LAYOUT_UNKNOWN && *names == LAYOUT_UNKNOWN) {
-        read_names(reader, line);
-        const uint32_t count = reader->frame.columns;
-        lg_frame_close(&reader->frame);
+        lg_frame read = read_names(reader, line);
+        const uint32_t count = read.columns;
+        lg_frame_close(&read);
         vote = *names = count == reader->channels       ? LAYOUT_VALUES
                         : count == reader->channels + 1 ? LAYOUT_TIMED
                                                         : LAYOUT_UNKNOWN;
@@ -389,12 +421,13 @@ sample_kind sample_next(sample_reader *reader, float *sample, double *time) {
             return SAMPLE_MALFORMED;
         }
         const size_t sign = lg_csv_comment(text);
-        if (sign > 0 && reader->lines == 0 && take_names(reader, text + sign, true) != LG_OK) break;
+        if (sign > 0 && take_names(reader, text + sign, true, false) != LG_OK) break;
         if (sign > 0 || *text == '\0') continue;
         const sample_kind kind = take_line(reader, &line, text, sample, time);
-        if (kind == SAMPLE_MALFORMED && reader->words && is_header(reader, text)) {
-            if (reader->lines == 0 && take_names(reader, text, false) != LG_OK) break;
-            continue;
+        if (kind == SAMPLE_MALFORMED && (reader->words || reader->fields == 0)) {
+            const bool known = reader->words && is_header(reader, text);
+            if (take_names(reader, text, false, known) != LG_OK) break;
+            if (known || reader->frame.header == line.number) continue;
         }
         reader->lines++;
         if (kind != SAMPLE_READ || !reader->unnamed || reader->frame.columns > 0) return kind;

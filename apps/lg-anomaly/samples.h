@@ -39,7 +39,8 @@ typedef struct sample_line {
  * which column is which channel. Other columns are left out, whatever their cells hold, and `extra` has their
  * names. A column of times is the first one before the channels whose name is that of a time, or the first
  * column if it is the only other one and holds a number in the first sample; a column with the name of a time
- * behind a channel is an error.
+ * behind a channel is an error. A later line of names that has all channels replaces the columns. A later
+ * line that has some of them, and as many names as a line has cells, is an error.
  *
  * The last line of a feed may lack its line end, and then its last number may be cut. Such a line is
  * malformed (its time is used), unless a separator, a blank, \r or a comment follows the number, or it is the
@@ -63,6 +64,7 @@ typedef struct sample_reader {
     uint32_t time;       /* column of times + 1; 0: none */
     lg_clock clock;      /* of the times */
     bool guessed;        /* only its place makes it one of times */
+    bool renamed;        /* a later line of names has replaced the columns; cleared by the caller */
     bool unnamed;        /* a line of names had no channel of the model */
     uint32_t *place;     /* (channels): index of each channel among the numbers of a line, without the time */
     lg_name_list extra;  /* names of the columns that are left out */
@@ -80,5 +82,7 @@ void sample_reader_close(sample_reader *reader); /* frees the memory; the caller
 /* Reads the next line into sample (channels); *time is NaN if the feed has no times. A malformed line whose
  * time is known sets *time and fills `sample` with NaN. Flushes stdout before it waits. */
 sample_kind sample_next(sample_reader *reader, float *sample, double *time);
+/* Leaves out the column that only its place makes one of times. */
+void sample_leave_times(sample_reader *reader);
 
 #endif

@@ -427,11 +427,20 @@ static void read_feed(watching *self, sample_reader *reader, float *sample) {
             app_warn(self->app, "%s: columns that are not channels of the model are left out: %s",
                      feed_name(), reader->extra.text);
         reader->extra.used = 0;
+        if (reader->renamed && kind != SAMPLE_END) {
+            app_warn(self->app,
+                     "line %zu: a line of names replaces the columns from here on; the window begins anew",
+                     reader->frame.header);
+            watch_restart(self);
+            reader->renamed = false;
+            if (self->refused) break;
+        }
         if (kind == SAMPLE_MALFORMED) {
-            watch_take_malformed(self, reader, sample, time);
+            watch_take_malformed(self, sample, time);
         } else if (kind == SAMPLE_READ) {
             watch_take(self, sample, time, reader->line);
             self->malformed_in_row = 0;
+            self->last_read = reader->line;
         } else {
             break;
         }
@@ -439,12 +448,21 @@ static void read_feed(watching *self, sample_reader *reader, float *sample) {
     watch_settle(self);
     if (self->refused) app_end(APP_EXIT_FILE);
     const tally *t = &self->tally;
+    if (!app_interrupted() && self->last_read > 0 && self->malformed_in_row > 1)
+        app_warn(self->app, "after line %llu no line could be read: %llu lines are malformed; the last: %s",
+                 (unsigned long long)self->last_read, (unsigned long long)self->malformed_in_row,
+                 reader->problem);
     const bool none = t->malformed > 0 && t->received + t->not_finite + t->repeated == 0;
     if (!app_interrupted() && (none || (reader->layout == LAYOUT_UNKNOWN && reader->line > 0)))
         app_stop(self->app, LG_FILE, "%s: no line holds %u numbers, or %u with a time in seconds%s%s",
                  feed_name(), reader->channels, reader->channels + 1,
                  reader->problem[0] != '\0' ? "; the last line that could not be read: " : "",
                  reader->problem);
+    const uint64_t rows = t->received + t->not_finite + t->repeated + t->malformed;
+    if (!app_interrupted() && self->timing.follow && 2 * t->repeated > rows)
+        app_stop(self->app, LG_FILE,
+                 "%s: %llu of %llu lines are left out, because their times do not go beyond earlier ones",
+                 feed_name(), (unsigned long long)t->repeated, (unsigned long long)rows);
 }
 
 static void on_idle(void *user) {
@@ -456,6 +474,7 @@ static void watch_feed(watching *self, int file, size_t watch_bytes) {
     const lg_series *names = &self->bench.model->file.names;
     APP_FREE float *sample = app_alloc(names->channels, sizeof *sample);
     APP_CLEAN(sample_reader_close) sample_reader reader = {.channels = 0};
+    self->reader = &reader;
     watch_time_open(self);
     sample_reader_open(file, feed_name(), names->channels, names->channel_name, &reader);
     reader.idle = on_idle;
@@ -527,8 +546,9 @@ const app_command anomaly_watch_command = {
         "A line of the feed is a sample: one number for each channel of the model, separated by commas, "
         "semicolons or blanks. A first column of seconds is optional; the first lines show whether there is "
         "one. Later lines with another number of columns are malformed. Blank lines, lines of names and "
-        "comments (#) are skipped. Names of the model's channels say which column is which; a feed that "
-        "lacks one of them is rejected, and columns with other names are left out. Empty fields and nan are "
+        "comments (#) are skipped. Names of the model's channels say which column is which, also in a later "
+        "line; a feed that lacks one of them is rejected, and columns with other names are left out. Empty "
+        "fields and nan are "
         "lost samples. Without times an unreadable line is a lost sample too. With times it is skipped, and "
         "the times show which samples are missing. A last line without a line end may be cut; its sample is "
         "lost.\nA time that jumps is accepted when three more samples continue from it; otherwise its line "

@@ -89,6 +89,7 @@ typedef struct watching {
     watch_log log;
     bench bench;
     uint32_t channels; /* of the model */
+    sample_reader *reader;
     lg_monitor *watch;
     double rate, hop; /* Hz; samples. rate is 1 if it is unknown. */
     bool rate_known, started, alarm, unlike;
@@ -98,10 +99,10 @@ typedef struct watching {
     uint64_t since; /* number of samples after that sample */
     double now;     /* time of the last sample: origin + since/rate */
     timing timing;
-    bool in_gap, refused;      /* refused: the feed has another rate; a message has been printed */
-    uint64_t gap_windows;      /* number of windows of the current gap that were not judged */
-    double gap_first;          /* time of the first such window that is not printed */
-    uint64_t malformed_in_row; /* malformed lines in a row */
+    bool in_gap, refused;                 /* refused: the feed has another rate; a message has been printed */
+    uint64_t gap_windows;                 /* number of windows of the current gap that were not judged */
+    double gap_first;                     /* time of the first such window that is not printed */
+    uint64_t malformed_in_row, last_read; /* malformed lines in a row, and the line before them */
     tally tally;
 } watching;
 
@@ -129,13 +130,15 @@ void watch_log_close(watch_log *log);
 
 /* ---- samples and their times (watch_time.c) ---- */
 
-/* `rate_known`, `bench` and `rate` must be set. */
+/* `reader`, `rate_known`, `bench` and `rate` must be set. */
 void watch_time_open(watching *self);
 /* Takes a line of the feed; time is NaN in a feed without times. Pushes the missing samples before it and
  * then the sample, or holds the sample until its time is accepted. */
 void watch_take(watching *self, const float *sample, double time, uint64_t line);
 /* Takes a line that could not be read. */
-void watch_take_malformed(watching *self, const sample_reader *reader, const float *sample, double time);
+void watch_take_malformed(watching *self, const float *sample, double time);
+/* Called where a line of names has replaced the columns: the window begins anew. */
+void watch_restart(watching *self);
 /* Called when the feed has ended: accepts or rejects the samples that still wait. */
 void watch_settle(watching *self);
 

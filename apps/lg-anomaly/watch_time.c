@@ -51,15 +51,19 @@ static double steps_between(const watching *self, double from, double to) {
     return floor((to - from) * self->rate + 0.5);
 }
 
-/* Restarts the clock at `time`, because the feed's clock was set or the gap is too long to be filled. One
- * whole window is lost, so that no window has samples from before and after the jump. */
-static void begin_anew(watching *self, double time) {
-    app_warn(self->app, "the time goes from %.15g s to %.15g s: the feed restarts there", self->now, time);
+/* Sets the clock to `time`. One whole window is lost, so that no window has samples from before and after. */
+static void lose_window(watching *self, double time) {
     const uint64_t window = self->bench.model->window;
     self->tally.absent += window;
     set_clock(self, time - (double)(window + 1) / self->rate);
     lose(self, window);
     set_clock(self, time);
+}
+
+/* Restarts the clock at `time`, because the feed's clock was set or the gap is too long to be filled. */
+static void begin_anew(watching *self, double time) {
+    app_warn(self->app, "the time goes from %.15g s to %.15g s: the feed restarts there", self->now, time);
+    lose_window(self, time);
 }
 
 /* Advances the clock to a sample with a time, and pushes the missing samples before it. False: the sample
@@ -221,6 +225,11 @@ static void take_timed(watching *self, const float *sample, double time, uint64_
 
 /* ---- the feed's own rate ---- */
 
+/* The name of the column of times, or its number. */
+static const char *time_name(const sample_reader *reader) {
+    return reader->time > 0 ? reader->frame.name[reader->time - 1] : "1";
+}
+
 /* The mean of the differences that are near the median, so that gaps, wrong times and rounded times do not
  * disturb it. *blur: bound on its relative error. False: there are too few differences. */
 static bool measure_interval(const timing *t, double *interval, double *blur) {
@@ -251,18 +260,23 @@ static bool measure_interval(const timing *t, double *interval, double *blur) {
 static bool check_rate(watching *self) {
     timing *t = &self->timing;
     double interval, blur;
-    t->measured = true;
-    if (!measure_interval(t, &interval, &blur)) return true;
+    char guess[200] = "";
+    if (!self->rate_known || !measure_interval(t, &interval, &blur)) return true;
     const double steps = interval * self->rate;
     if (fabs(steps - 1) <= rate_tolerance + blur) return true;
     if (!app_given(self->app, "rate")) {
         self->refused = true;
+        if (self->reader->guessed)
+            (void)snprintf(guess, sizeof guess,
+                           "column %s comes first and increases, so it is taken as the time; if it is no "
+                           "time, move it behind the channels: ",
+                           time_name(self->reader));
         (void)app_fail(
             self->app, LG_FILE,
-            "the times of the feed give %.4g samples per second, the model was trained at %.4g: resample the "
-            "feed, or force it with --rate %.4g (windows of the same number of samples, so shorter or "
+            "%sthe times of the feed give %.4g samples per second, the model was trained at %.4g: resample "
+            "the feed, or force it with --rate %.4g (windows of the same number of samples, so shorter or "
             "longer)",
-            1 / interval, self->rate, 1 / interval);
+            guess, 1 / interval, self->rate, 1 / interval);
         return false;
     }
     app_warn(self->app, "the times of the feed give %.4g samples per second; the grid of --rate %.4g is used",
@@ -272,20 +286,58 @@ static bool check_rate(watching *self) {
     return true;
 }
 
+/* Returns whether the times of the first samples increase: at least half of them, and at most a quarter goes
+ * back. */
+static bool first_times_increase(const timing *t) {
+    uint32_t rises = 1, falls = 0;
+    for (uint32_t i = 1; i < t->firsts; i++) {
+        rises += t->first[i].time > t->first[i - 1].time;
+        falls += t->first[i].time < t->first[i - 1].time;
+    }
+    return t->firsts < LEAST_TIMES || (2 * rises >= t->firsts && 4 * falls <= t->firsts);
+}
+
+/* Finds out what is in the column of times. False: it is no time, or of another rate. */
+static bool check_times(watching *self) {
+    sample_reader *reader = self->reader;
+    self->timing.measured = true;
+    if (first_times_increase(&self->timing)) return check_rate(self);
+    self->refused = !reader->guessed;
+    if (self->refused) {
+        (void)app_fail(self->app, LG_FILE, "column %s should be the time, but it does not increase",
+                       time_name(reader));
+        return false;
+    }
+    app_warn(self->app,
+             "column %s is left out: it is not a channel of the model, and not the time, as it does not "
+             "increase",
+             time_name(reader));
+    sample_leave_times(reader);
+    for (uint32_t i = 0; i < self->timing.firsts; i++) self->timing.first[i].time = NAN;
+    return true;
+}
+
+static void take_untimed(watching *self, const float *sample) {
+    if (self->started) tick(self);
+    self->started = true;
+    push_received(self, sample);
+}
+
 static void release_first(watching *self) {
     timing *t = &self->timing;
-    const bool right = t->measured || check_rate(self);
+    const bool right = t->measured || check_times(self);
     for (uint32_t i = 0; right && i < t->firsts; i++)
-        take_timed(self, t->first[i].values, t->first[i].time, t->first[i].line);
+        if (isnan(t->first[i].time))
+            take_untimed(self, t->first[i].values);
+        else
+            take_timed(self, t->first[i].values, t->first[i].time, t->first[i].line);
     t->firsts = 0;
 }
 
 void watch_take(watching *self, const float *sample, double time, uint64_t line) {
     timing *t = &self->timing;
     if (!isfinite(time)) {
-        if (self->started) tick(self);
-        self->started = true;
-        push_received(self, sample);
+        take_untimed(self, sample);
     } else if (t->measured) {
         take_timed(self, sample, time, line);
     } else {
@@ -296,7 +348,9 @@ void watch_take(watching *self, const float *sample, double time, uint64_t line)
 
 /* A line that could not be read counts as a lost sample in a feed without times, unless it comes before the
  * first sample. In a feed with times, the other times show which samples are missing. */
-void watch_take_malformed(watching *self, const sample_reader *reader, const float *sample, double time) {
+void watch_take_malformed(watching *self, const float *sample, double time) {
+    const sample_reader *reader = self->reader;
+    if (!self->rate_known && self->timing.firsts > 0) release_first(self);
     const bool timed = reader->layout == LAYOUT_TIMED && self->rate_known;
     const bool lost = timed ? isfinite(time) : self->started;
     count_malformed(self, reader->line, reader->problem, lost);
@@ -318,7 +372,7 @@ void watch_take_malformed(watching *self, const sample_reader *reader, const flo
 void watch_time_open(watching *self) {
     timing *t = &self->timing;
     const uint32_t window = self->bench.model->window;
-    *t = (timing){.usual = 1, .follow = true, .measured = !self->rate_known};
+    *t = (timing){.usual = 1, .follow = true};
     t->wanted = window > FIRST_TIMES ? FIRST_TIMES : window < LEAST_TIMES ? LEAST_TIMES : window;
     float *values = app_keep((size_t)(FIRST_TIMES + HELD) * self->channels, sizeof *values);
     for (uint32_t i = 0; i < FIRST_TIMES + HELD; i++, values += self->channels)
@@ -328,4 +382,11 @@ void watch_time_open(watching *self) {
 void watch_settle(watching *self) {
     release_first(self);
     if (!self->refused) settle_held(self, true);
+}
+
+void watch_restart(watching *self) {
+    watch_settle(self);
+    self->timing.measured = false;
+    if (self->started) lose_window(self, self->now + 1 / self->rate);
+    self->started = false; /* the next time, if there are times, sets the clock */
 }

@@ -447,6 +447,16 @@ TEST("a split by group keeps all windows of a sea state in one part") {
     static const char *const overlap = "warnings [\"windows overlap and are split at random";
     json("train data.h5 --method logistic --window 30 --hop 15 --out o.h5", overlap);
     json("train data.h5 --epochs 1 --window 30 --hop 15 --out o.h5", overlap);
+    static const char *const alone = "single windows are split at random, but the data have /";
+    cli_expect(lg, "train data.h5 --method logistic --out o.h5", 0, "");
+    assert_says(result.err, alone);
+    assert_says(result.err, "use --split group");
+    cli_expect(lg, "train votes.h5 --method logistic --features std --out o.h5", 0, "");
+    assert_says(result.err, "use --split run");
+    cli_expect(lg, "train data.h5 --method logistic --split group --out o.h5", 0, "");
+    assert_null(strstr(result.err, alone));
+    cli_expect(lg, "train data.h5 --method logistic --test fresh.h5 --out o.h5", 0, "");
+    assert_null(strstr(result.err, alone));
 }
 
 /* Six recordings of eight windows of 5 s at 4 Hz; the second half of each is damaged. With 2 of 3 votes the
@@ -527,7 +537,7 @@ TEST("the healthy class is the one given, or that of the data, or one whose name
         {"word.h5", "", "\"Normal\"", "class 'Normal' is taken as healthy because of its name: --healthy"},
         {"word.h5", "--healthy Ball_fault", "\"Ball_fault\"", ""}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        json(test_text("train %s %s --method tree --out h.h5", rows[i].data, rows[i].option),
+        json(test_text("train %s %s --method tree --split group --out h.h5", rows[i].data, rows[i].option),
              test_text("healthy %s, false_alarms_per_day %s", rows[i].healthy, i == 0 ? "null" : "*"));
         if (rows[i].warning[0] == '\0') assert_null(strstr(result.err, "warning"));
         assert_says(result.err, rows[i].warning);
@@ -589,7 +599,8 @@ TEST("votes, delays and groups do not depend on the order of the classes") {
 /* With a large learning rate the best epoch is not the last one. */
 TEST("a network that is no better than the most frequent class ends with exit code 4") {
     cli_expect(lg, "train data.h5 --lr 1000 --epochs 10 --out wild.h5 --json", 4, "the most frequent class");
-    json_expect(result.out, "epochs 10, warnings [\"the model has learned nothing");
+    json_expect(result.out, "epochs 10, warnings [\"single windows are split at random");
+    assert_says(json_find(result.out, "warnings"), "\"the model has learned nothing");
     cli_expect(lg, "train data.h5 --lr 1e-9 --epochs 3 --out wild.h5", 0, "");
     assert_says(result.err, "the model has learned nothing");
     cli_expect(lg, "train data.h5 --lr 1e-9 --epochs 20 --out wild.h5", 4, ""); /* long enough to be judged */

@@ -17,8 +17,8 @@ static float value_at(uint64_t i, uint32_t channel, bool broken) {
     return (float)((wave + 0.5 * lg_rng_normal(&rng)) * (broken ? 10.0 : 0.1));
 }
 
-/* `swapped`: class 0 is broken, and class 1 intact. */
-static void write_series(const char *name, bool swapped) {
+/* `swapped`: class 0 is broken, and class 1 intact. `named`: the channels are a and b. */
+static void write_series(const char *name, bool swapped, bool named) {
     lg_series_data data = {.noise = NAN, .severity = NAN};
     data.series =
         (lg_series){.count = SETS, .channels = CHANNELS, .length = WINDOW, .classes = 2, .rate = RATE};
@@ -31,6 +31,11 @@ static void write_series(const char *name, bool swapped) {
     }
     (void)snprintf(data.series.class_name[swapped], LG_SERIES_NAME, "intact");
     (void)snprintf(data.series.class_name[!swapped], LG_SERIES_NAME, "broken");
+    if (named) {
+        data.series.channel_name = calloc(CHANNELS, LG_SERIES_NAME);
+        assert_non_null(data.series.channel_name);
+        for (uint32_t c = 0; c < CHANNELS; c++) data.series.channel_name[c][0] = (char)('a' + c);
+    }
     assert_ok(lg_series_write(NULL, cli_at(name), &data, NULL));
     lg_series_data_destroy(&data);
 }
@@ -50,10 +55,12 @@ static void write_points(void) {
 
 static int make_models(void **state) {
     if (cli_begin() != 0) return -1;
-    write_series("data.h5", false);
-    write_series("swapped.h5", true);
+    write_series("data.h5", false, false);
+    write_series("swapped.h5", true, false);
+    write_series("ab.h5", false, true);
     write_points();
     cli_expect("lg-anomaly", "train data.h5 --method tree --features std --out m.h5", 0, "");
+    cli_expect("lg-anomaly", "train ab.h5 --method tree --features std --out letters.h5", 0, "");
     cli_expect("lg-anomaly", "train data.h5 --method cnn --filters 4 --epochs 2 --out n.h5", 0, "");
     return 0;
 }
@@ -280,7 +287,8 @@ TEST("missing values are lost samples, and other lines are malformed") {
     add_plain(0, 20);
     for (int i = 0; i < 30; i++) add("what %d\n", i);
     watch_rows("", "malformed 30");
-    assert_int_equal(count_lines(result.err), 6);
+    assert_int_equal(count_lines(result.err), 7);
+    assert_says(result.err, "after line 20 no line could be read: 30 lines are malformed; the last: 'what'");
     assert_says(result.err, "line 40: 20 lines in a row could not be read; expected are 2 numbers");
     assert_says(result.err, "line 25: 'what' is not a number");
     assert_says(result.err, "only counted");
@@ -575,6 +583,99 @@ TEST("channels are found by their names; a feed without one of them is refused")
     reorder("$1, NR == 1 ? \"a,b,c,d,e,f\" : $2 \",\" $3 \",\" $4 \",\" $5 \",\" $6 \",\" $7", "others.csv");
     cli_expect("lg-anomaly", "watch named.h5 --input others.csv", 3,
                "no column of the feed has the name of a channel");
+}
+
+/* Watches with the model whose channels are a and b. */
+static void watch_named(int code, const char *words) {
+    cli_write("feed.csv", text);
+    cli_expect("lg-anomaly", "watch letters.h5 --json --input feed.csv", code, words);
+}
+
+TEST("a first column is the time if it increases or its name says so; otherwise it is left out") {
+    static const struct {
+        const char *before;     /* lines of names */
+        double at, each, noise; /* cell i is at + each i + noise sin(5 i) */
+        int code;
+        const char *words;
+    } rows[] = {
+        {"label,a,b\n", 0, 0, 0, 0, "column label is left out"},
+        {"label,a,b\n", 1, 0.025, 0, 0, "column label is left out"}, /* 1, 1, ..., 2, 2, ... */
+        {"temp,a,b\n", 20, 0, 1, 0, "column temp is left out"},
+        {"zeit,a,b\n", 0, 0.2, 0, 0, ""},
+        {"zeit,a,b\n", 0, 0.1, 0, 3, "column zeit comes first and increases, so it is taken as the time"},
+        {"seconds,other,a,b\n", 0, 0.2, 0, 0, "left out: other"},
+        {"t,a,b\n", 20, 0, 1, 3, "column t should be the time, but it does not increase"},
+        {"", 20, 0, 1, 3, "column 1 should be the time, but it does not increase"},
+        {"t,a,b\n", 7, 0, 0, 3, "column t should be the time, but it does not increase"},
+        {"", 7, 0, 0, 3, "column 1 should be the time, but it does not increase"},
+    };
+    for (size_t r = 0; r < LG_COUNT(rows); r++) {
+        begin();
+        add("%s", rows[r].before);
+        for (int i = 0; i < 4 * WINDOW; i++) {
+            const double cell = rows[r].at + rows[r].each * i + rows[r].noise * sin(5.0 * i);
+            add(r == 1 ? "%.0f," : "%.3f,", cell);
+            if (strstr(rows[r].before, "other") != NULL) add("word,");
+            add_samples(false, (uint64_t)i, (uint64_t)i + 1, 2 * WINDOW);
+        }
+        watch_named(rows[r].code, rows[r].words);
+        if (rows[r].code == 0) expect_summary("received 160, repeated 0, judged 4, positive 2");
+    }
+    begin(); /* the clock stops */
+    add_timed(0, 100);
+    for (int i = 0; i < 120; i++) add("19.8,0.1,0.1\n");
+    watch_named(3, "120 of 220 lines are left out, because their times do not go beyond earlier ones");
+}
+
+TEST("a later line of names replaces the columns, and the window begins anew") {
+    static const struct {
+        const char *before, *form; /* form: of a sample, with time, a and b or b and a */
+        bool turned;
+    } rows[] = {{"t,b,a", "%.1f,%.9g,%.9g\n", true},
+                {"# t,b,a", "%.1f,%.9g,%.9g\n", true},
+                {"t,a,b,label", "%.1f,%.9g,%.9g,x\n", false},
+                {"label;t;a;b", "x;%.1f;%.9g;%.9g\n", false}};
+    for (size_t r = 0; r < LG_COUNT(rows); r++) {
+        begin();
+        add("t,a,b\n");
+        add_timed(0, 60);
+        add("%s\n", rows[r].before);
+        for (int i = 60; i < 160; i++) {
+            const double x[] = {5, 0.01 * (i % 2)}; /* a stands still */
+            add(rows[r].form, i / 5.0, x[rows[r].turned], x[!rows[r].turned]);
+        }
+        add("t,a,b\n"); /* the columns of the beginning */
+        for (int i = 160; i < 200; i++) add("%.1f,5,%d.1\n", i / 5.0, i % 2);
+        watch_named(0, "\"summary\"");
+        expect_summary(r < 2 ? "malformed 0, received 200, absent 80"
+                             : "malformed 0, received 200, absent 80");
+        assert_says(result.err, "line 62: a line of names replaces the columns from here on");
+        assert_says(result.err, "line 163: a line of names");
+        assert_int_equal(count_lines(result.out), 8);
+        json_expect(line_of(1), "judged false"); /* samples from before the line of names */
+        json_expect(line_of(3), "judged true, class \"unlike\"");
+        assert_says(line_of(3), "a: stands still for 40 of 40 samples");
+    }
+    begin(); /* a clock that begins again at 0, and a first column of words */
+    add("t,a,b\n");
+    add_timed(0, 25);
+    add("t,b,a\n");
+    add_timed(0, 80);
+    add("note,a,b\n");
+    add_in("at_%.1f,%.9g,%.9g\n", true, 0, 80, 0);
+    watch_named(0, "\"summary\"");
+    expect_summary("malformed 0, repeated 0, received 185, absent 80");
+    begin();
+    add("t,a,b\n");
+    add_timed(0, 60);
+    add("t,a,label\n"); /* its third number would be read as b */
+    watch_named(3, "line 62: there is no column b");
+    begin();
+    add("t,a,b\n");
+    add_timed(0, 60);
+    add("t,a\n"); /* cut off */
+    add_timed(60, 80);
+    watch_named(0, "line 62: 't' is not a number");
 }
 
 TEST("columns with other names are left out, whatever they hold, with one warning that names them") {

@@ -64,16 +64,20 @@ static void take_feed(const app *by, const well_model *model, uint8_t options) {
     if (self.rate_known) self.rate = (options & 2) != 0 ? 1e-3 : 0.05;
     self.timing.follow = (options & 4) != 0;
     sample_reader reader;
+    self.reader = &reader;
     sample_reader_open(fuzz_file_descriptor(), "feed", CHANNELS, (options & 8) != 0 ? names : NULL, &reader);
     float sample[CHANNELS];
     double time;
     open_monitor(&self, options);
     watch_time_open(&self);
-    for (sample_kind kind; (kind = sample_next(&reader, sample, &time)) < SAMPLE_END && !self.refused;)
+    for (sample_kind kind; (kind = sample_next(&reader, sample, &time)) < SAMPLE_END && !self.refused;) {
+        if (reader.renamed) watch_restart(&self);
+        reader.renamed = false;
         if (kind == SAMPLE_READ)
             watch_take(&self, sample, time, reader.line);
         else
-            watch_take_malformed(&self, &reader, sample, time);
+            watch_take_malformed(&self, sample, time);
+    }
     watch_settle(&self);
     app_free_kept();
     sample_reader_close(&reader);

@@ -164,8 +164,19 @@ const lg_cut_series *lg_detector_tested(const lg_detector_state *state) {
     return state->test != NULL ? &state->foreign : &state->all;
 }
 
+/* Whether there are several units, and some have more than one window. */
+static bool has_units(const uint32_t *unit, size_t count) {
+    bool alike = false, other = false;
+    for (size_t i = 1; unit != NULL && i < count; i++) *(unit[i] == unit[i - 1] ? &alike : &other) = true;
+    return alike && other;
+}
+
 static void warn_of_cut(const lg_training *self) {
     const lg_detector_run *run = self->run;
+    const lg_series *series = &((lg_detector_state *)self->state)->all.data.series;
+    const char *unit = has_units(series->group, series->count) ? "group"
+                       : has_units(series->run, series->count) ? "run"
+                                                               : NULL;
     const bool alone = run->split == LG_SPLIT_RANDOM;
     if (run->validation_fraction > 0 && ((lg_detector_state *)self->state)->validation.count == 0)
         LG_WARN(self,
@@ -175,6 +186,11 @@ static void warn_of_cut(const lg_training *self) {
     if (run->hop < run->window && alone && (run->test_fraction > 0 || run->validation_fraction > 0))
         LG_WARN(self, "windows overlap and are split at random, so training samples are also test samples; "
                       "use --split run or --split group");
+    else if (alone && run->test_fraction > 0 && unit != NULL)
+        LG_WARN(self,
+                "single windows are split at random, but the data have /%s, and windows of one %s resemble "
+                "each other: the figures are too good; use --split %s",
+                unit, unit, unit);
 }
 
 static lg_status cut_windows(const lg_training *self, lg_cut_series *of, lg_error *error) {
