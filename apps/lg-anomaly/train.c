@@ -68,6 +68,7 @@ static void run_train(app *self) {
     }
     if (self->rank_count > 1) app_stop_usage(self, "only --classifier cnn can be trained by several ranks");
     train_state.any_class = train_given.method == METHOD_NOVELTY; /* all other classes count as one */
+    network_recipe.kind = "classifier";
     train_open(self, &network_recipe);
     run_classical(self);
     lg_training_close(&network_recipe.training);

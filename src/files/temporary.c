@@ -171,10 +171,17 @@ int lg_make_temporary(int folder, const char *target, bool is_folder, char name[
     return -1;
 }
 
+bool lg_is_lost_link(const char *path) {
+    struct stat about;
+    return lstat(path, &about) == 0 && S_ISLNK(about.st_mode) && stat(path, &about) != 0;
+}
+
 lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder, lg_temporary *out,
                               lg_error *error) {
     LG_NEEDS(error, target, out);
     LG_TRY(lg_refuse_own_name(target, error));
+    if (lg_is_lost_link(target))
+        return lg_fail(error, LG_FILE, "%s: cannot be written: " LG_LOST_LINK, lg_shown_path(target));
     const size_t length = lg_folder_length(target);
     lg_temporary made = {.context = context, .fd = -1, .name = lg_alloc(context, length + LG_OWN_NAME, 1)};
     if (made.name == NULL)
