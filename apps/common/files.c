@@ -258,8 +258,13 @@ static bool is_of_kind(const app *self, const char *path, const char *kind) {
 /* ---- tables that exist ---- */
 
 /* The forms in which commands write numbers, one bit for each: those of lg_columns, and of the values and
- * times of a feed. Numbers of other programs seldom have 17 digits in all cells that need them. */
-enum { FORM_17 = 1, FORM_9 = 2, FORM_TENTHS = 4, ALL_FORMS = 7, CELL = 64 };
+ * times of a feed. Numbers of other programs seldom have 17 digits in all cells that need them. A number of
+ * LONG bytes or more is a sign of lg_columns, because few numbers that people choose need 16 digits. */
+enum { FORM_17 = 1, ALL_FORMS = 7, CELL = 64, LONG = 17 };
+
+typedef struct table_rows {
+    size_t count, longs; /* number of rows, and of long numbers in them */
+} table_rows;
 
 /* Returns the forms that a cell does not have. One without a value, and 0, has all; a text has none. */
 static unsigned lacking_forms(const char *cell) {
@@ -291,13 +296,14 @@ static int read_cell(FILE *from, char cell[CELL]) {
 
 /* Adds to lacks[c] the forms that a cell of column c lacks in the further rows. Fails if a row has another
  * number of cells or no end, or, with `strict`, if a column of numbers has no form left. */
-static bool read_rows(FILE *from, size_t columns, bool strict, unsigned *lacks, size_t *rows) {
+static bool read_rows(FILE *from, size_t columns, bool strict, unsigned *lacks, table_rows *rows) {
     char cell[CELL];
-    for (*rows = 0;; ++*rows)
+    for (*rows = (table_rows){0, 0};; rows->count++)
         for (size_t c = 0; c < columns; c++) {
             const int end = read_cell(from, cell);
             if (end == EOF && c == 0 && cell[0] == '\0') return true;
-            const unsigned all = lacks[c] | lacking_forms(cell);
+            const unsigned own = lacking_forms(cell), all = lacks[c] | own;
+            rows->longs += own != ALL_FORMS && strlen(cell) >= LONG;
             if (end != (c + 1 < columns ? ',' : '\n') || (strict && all == ALL_FORMS && lacks[c] != all))
                 return false;
             lacks[c] = all;
@@ -305,20 +311,23 @@ static bool read_rows(FILE *from, size_t columns, bool strict, unsigned *lacks, 
 }
 
 /* Returns whether a file has rows, and all are such as those of `data`, a table whose first line it has: as
- * many cells, and numbers of the same form where the columns of `data` have numbers. */
+ * many cells, numbers of the same form where the columns of `data` have numbers, and long ones if `data` has
+ * some. Without rows of `data` all columns are numbers, and some are long. */
 static bool has_such_rows(const char *path, const char *data, size_t bytes) {
     char cell[CELL];
-    size_t columns = 1, rows;
+    size_t columns = 1;
+    table_rows new, old;
     FILE *made = fmemopen((void *)(uintptr_t)data, bytes, "rb"), *found = app_open(path);
     if (made == NULL) app_out_of_memory();
     while (read_cell(made, cell) == ',') columns++;
     APP_FREE unsigned *lacks = app_alloc(columns, sizeof *lacks);
-    bool same = found != NULL && read_rows(made, columns, false, lacks, &rows);
+    bool same = found != NULL && read_rows(made, columns, false, lacks, &new);
     for (size_t c = 0; c < columns && same; c++) {
-        if (rows == 0) lacks[c] = ALL_FORMS - FORM_17;
+        if (new.count == 0) lacks[c] = ALL_FORMS - FORM_17;
         same = read_cell(found, cell) == (c + 1 < columns ? ',' : '\n');
     }
-    same = same && read_rows(found, columns, true, lacks, &rows) && rows > 0;
+    same = same && read_rows(found, columns, true, lacks, &old) && old.count > 0 &&
+           (old.longs > 0 || (new.longs == 0 && new.count > 0));
     (void)fclose(made);
     if (found != NULL) (void)fclose(found);
     return same;
