@@ -393,7 +393,7 @@ typedef struct app_path {
     const char *option; /* without the dashes; NULL for an argument that is not in app->arguments */
     const char *path;   /* NULL: the option is not given */
     lg_file_use use;
-    const char *kind; /* of LG_FILE_WRITTEN: the attribute `kind` of the file */
+    const char *kind; /* of LG_FILE_WRITTEN: the attribute `kind` of the file, or several, joined by | */
 } app_path;
 /* Writes to `paths` (room for APP_SLOTS) the options that were given and whose rows set `file`. Returns their
  * number. */

@@ -245,14 +245,16 @@ bool app_begins(const app *self, const char *path, const char *data, size_t byte
     return same;
 }
 
-/* Returns whether liegrad wrote the file in HDF5, and its kind is this one. */
+/* Returns whether liegrad wrote the file in HDF5, and its kind is in this list. */
 static bool is_of_kind(const app *self, const char *path, const char *kind) {
     bool ours = false;
     char found[64] = "";
     if (kind == NULL || app_had_memory(lg_file_is_ours(self->context, path, &ours, NULL)) != LG_OK || !ours)
         return false;
     (void)app_had_memory(lg_model_file_kind(self->context, path, NULL, found, sizeof found, NULL));
-    return strcmp(found, kind) == 0;
+    const char *at = strstr(kind, found);
+    return found[0] != '\0' && at != NULL && (at == kind || at[-1] == '|') &&
+           strchr("|", at[strlen(found)]) != NULL;
 }
 
 /* ---- tables that exist ---- */

@@ -36,7 +36,7 @@ typedef struct train_session train_session;
 
 typedef struct train_task {
     const lg_recipe *recipe;
-    const char *kind;             /* of the file of --out; NULL: the recipe's */
+    const char *kind;             /* of files that --out may replace (app_path); NULL: the recipe's */
     const app_settings *settings; /* the command's settings; the first one describes the run */
     const char *const *searched;  /* the methods that a search may train, ended by NULL; NULL: all methods */
     /* A trial of a search by a method that the recipe does not train: trains on the training part, and sets

@@ -62,13 +62,13 @@ static void run_classical(const app *self) {
 
 static void run_train(app *self) {
     train_check_options(self);
+    network_recipe.kind = "detector|classifier"; /* of the network and of the other methods */
     if (train_given.method == METHOD_CNN) {
         train_main(self, &network_recipe);
         return;
     }
     if (self->rank_count > 1) app_stop_usage(self, "only --classifier cnn can be trained by several ranks");
     train_state.any_class = train_given.method == METHOD_NOVELTY; /* all other classes count as one */
-    network_recipe.kind = "classifier";
     train_open(self, &network_recipe);
     run_classical(self);
     lg_training_close(&network_recipe.training);
