@@ -435,8 +435,8 @@ size_t app_file_options(const app *self, app_path *paths) {
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
         if (slot->row->type == LG_FIELD_STRING && slot->row->file != LG_FILE_NOT)
-            paths[count++] =
-                (app_path){slot->name, names_stdout(slot) ? NULL : text_of(slot), slot->row->file};
+            paths[count++] = (app_path){slot->name, names_stdout(slot) ? NULL : text_of(slot),
+                                        slot->row->file, slot->row->kind};
     }
     return count;
 }

@@ -8,7 +8,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "files/csv.h"
+#include "files/temporary.h"
 #include "liegrad/files.h"
+#include "liegrad/model.h"
 #include "liegrad/settings.h"
 
 FILE *app_open(const char *path) {
@@ -56,6 +59,8 @@ lg_status app_check_writable(const char *path, lg_error *error) {
     const char *why = NULL;
     if (there && !S_ISREG(file.st_mode))
         why = S_ISDIR(file.st_mode) ? "it is a folder" : "it is not a regular file";
+    else if (lg_is_lost_link(path))
+        why = LG_LOST_LINK;
     else if (path[0] == '\0' || stat(folder, &above) != 0)
         why = strerror(path[0] == '\0' ? ENOENT : errno);
     else if (!S_ISDIR(above.st_mode))
@@ -90,6 +95,7 @@ typedef struct written_file {
     char *path;
     bool streamed;
     const char *begins; /* how an earlier result begins; NULL: not known before the file is written */
+    const char *kind;   /* of a file in HDF5 */
 } written_file;
 
 /* A file that this process reads. */
@@ -125,23 +131,25 @@ static size_t list_outputs(const app_path *paths, size_t count, written_file *ou
         const int stem = (int)strlen(paths[i].path) - 4;
         written_file *made = &out[n++];
         *made = (written_file){paths[i].option, app_format("%s", paths[i].path),
-                               paths[i].use == LG_FILE_STREAMED, NULL};
+                               paths[i].use == LG_FILE_STREAMED, NULL, paths[i].kind};
         if (paths[i].use == LG_FILE_WRITTEN) made->begins = LG_H5_SIGNATURE;
         if (paths[i].use != LG_FILE_DRAWN) continue;
         made->begins = strcmp(paths[i].path + stem, ".png") == 0 ? "\x89PNG\r\n\x1a\n" : "<?xml";
-        out[n++] =
-            (written_file){paths[i].option, app_format("%.*s.dat", stem, paths[i].path), false, PLOT_DATA};
+        out[n++] = (written_file){paths[i].option, app_format("%.*s.dat", stem, paths[i].path), false,
+                                  PLOT_DATA, NULL};
         out[n++] = (written_file){paths[i].option, app_format("%.*s.gp", stem, paths[i].path), false,
-                                  APP_PLOT_SCRIPT};
+                                  APP_PLOT_SCRIPT, NULL};
     }
     return n;
 }
 
-/* Returns whether the file is a pipe or a device that may be written to directly. */
+/* Returns whether the file is a pipe or a device that may be written to directly, or a link to a file that is
+ * made when it is opened. */
 static bool is_stream(const written_file *file) {
     struct stat about;
-    return file->streamed && stat(file->path, &about) == 0 && !S_ISREG(about.st_mode) &&
-           !S_ISDIR(about.st_mode);
+    const bool there = stat(file->path, &about) == 0;
+    return file->streamed &&
+           (there ? !S_ISREG(about.st_mode) && !S_ISDIR(about.st_mode) : lg_is_lost_link(file->path));
 }
 
 /* Checks that the output files[at] can be written, and that it is neither an input nor one of the outputs
@@ -167,8 +175,9 @@ static void check_output(const app *self, const written_file *files, size_t at) 
 typedef struct output {
     struct output *next;
     char *target;
-    lg_lock lock; /* of a claim */
-    bool written; /* this process has written the file, or continues it */
+    lg_lock lock;     /* of a claim */
+    bool written;     /* this process has written the file, or continues it */
+    const char *kind; /* of a file in HDF5 */
     /* the existing file, if it is an earlier result of the same kind; else 0 */
     dev_t device;
     ino_t inode;
@@ -221,7 +230,7 @@ lg_status app_claim(const app *self, const char *path, lg_error *error) {
 /* ---- files that exist ---- */
 
 bool app_begins(const app *self, const char *path, const char *data, size_t bytes, int lines) {
-    static const char h5[] = LG_H5_SIGNATURE;
+    (void)self;
     size_t n = lines > 0 ? 0 : bytes;
     for (int i = 0; i < lines && n < bytes; i++) {
         const char *end = memchr(data + n, '\n', bytes - n);
@@ -233,9 +242,115 @@ bool app_begins(const app *self, const char *path, const char *data, size_t byte
     const bool same =
         fread(found, 1, n, file) == n && memcmp(found, data, n) == 0 && (lines > 0 || fgetc(file) == EOF);
     (void)fclose(file);
-    if (!same || bytes < sizeof h5 - 1 || memcmp(data, h5, sizeof h5 - 1) != 0) return same;
+    return same;
+}
+
+/* Returns whether liegrad wrote the file in HDF5, and its kind is in this list. */
+static bool is_of_kind(const app *self, const char *path, const char *kind) {
     bool ours = false;
-    return app_had_memory(lg_file_is_ours(self->context, path, &ours, NULL)) == LG_OK && ours;
+    char found[64] = "";
+    if (kind == NULL || app_had_memory(lg_file_is_ours(self->context, path, &ours, NULL)) != LG_OK || !ours)
+        return false;
+    (void)app_had_memory(lg_model_file_kind(self->context, path, NULL, found, sizeof found, NULL));
+    const char *at = strstr(kind, found);
+    return found[0] != '\0' && at != NULL && (at == kind || at[-1] == '|') &&
+           strchr("|", at[strlen(found)]) != NULL;
+}
+
+/* ---- tables that exist ---- */
+
+/* The forms in which commands write numbers, one bit for each: those of lg_columns, and of the values and
+ * times of a feed. Numbers of other programs seldom have 17 digits in all cells that need them. A number of
+ * LONG bytes or more is a sign of lg_columns, because few numbers that people choose need 16 digits. */
+enum { FORM_17 = 1, ALL_FORMS = 7, CELL = 64, LONG = 17 };
+
+typedef struct table_rows {
+    size_t count, longs; /* number of rows, and of long numbers in them */
+} table_rows;
+
+/* Returns the forms that a cell does not have. One without a value, and 0, has all; a text has none. */
+static unsigned lacking_forms(const char *cell) {
+    double x;
+    char digits[3][CELL];
+    unsigned lacks = 0;
+    if (lg_csv_missing(cell) || strcmp(cell, "\"\"") == 0 || strcmp(cell, "0") == 0) return 0;
+    if (lg_number_parse(cell, &x) != LG_OK) return ALL_FORMS;
+    (void)lg_format(digits[0], CELL, "%.17g", x);
+    (void)lg_format(digits[1], CELL, "%.8e", x);
+    (void)lg_format(digits[2], CELL, "%.1f", x);
+    for (int i = 0; i < 3; i++) lacks |= strcmp(cell, digits[i]) != 0 ? 1u << i : 0;
+    return lacks;
+}
+
+/* Reads the next cell with its quotes; the rest of a long one is left out. Returns what ends it: a comma, a
+ * line end or EOF. */
+static int read_cell(FILE *from, char cell[CELL]) {
+    bool quoted = false;
+    size_t n = 0;
+    int c;
+    while ((c = getc(from)) != EOF && (quoted || (c != ',' && c != '\n'))) {
+        quoted = quoted != (c == '"');
+        if (n < CELL - 1) cell[n++] = (char)c;
+    }
+    cell[n] = '\0';
+    return c;
+}
+
+/* Adds to lacks[c] the forms that a cell of column c lacks in the further rows. Fails if a row has another
+ * number of cells or no end, or, with `strict`, if a column of numbers has no form left. */
+static bool read_rows(FILE *from, size_t columns, bool strict, unsigned *lacks, table_rows *rows) {
+    char cell[CELL];
+    for (*rows = (table_rows){0, 0};; rows->count++)
+        for (size_t c = 0; c < columns; c++) {
+            const int end = read_cell(from, cell);
+            if (end == EOF && c == 0 && cell[0] == '\0') return true;
+            const unsigned own = lacking_forms(cell), all = lacks[c] | own;
+            rows->longs += own != ALL_FORMS && strlen(cell) >= LONG;
+            if (end != (c + 1 < columns ? ',' : '\n') || (strict && all == ALL_FORMS && lacks[c] != all))
+                return false;
+            lacks[c] = all;
+        }
+}
+
+/* Returns whether a file has rows, and all are such as those of `data`, a table whose first line it has: as
+ * many cells, numbers of the same form where the columns of `data` have numbers, and long ones if `data` has
+ * some. Without rows of `data` all columns are numbers, and some are long. */
+static bool has_such_rows(const char *path, const char *data, size_t bytes) {
+    char cell[CELL];
+    size_t columns = 1;
+    table_rows new, old;
+    FILE *made = fmemopen((void *)(uintptr_t)data, bytes, "rb"), *found = app_open(path);
+    if (made == NULL) app_out_of_memory();
+    while (read_cell(made, cell) == ',') columns++;
+    APP_FREE unsigned *lacks = app_alloc(columns, sizeof *lacks);
+    bool same = found != NULL && read_rows(made, columns, false, lacks, &new);
+    for (size_t c = 0; c < columns && same; c++) {
+        if (new.count == 0) lacks[c] = ALL_FORMS - FORM_17;
+        same = read_cell(found, cell) == (c + 1 < columns ? ',' : '\n');
+    }
+    same = same && read_rows(found, columns, true, lacks, &old) && old.count > 0 &&
+           (old.longs > 0 || (new.longs == 0 && new.count > 0));
+    (void)fclose(made);
+    if (found != NULL) (void)fclose(found);
+    return same;
+}
+
+/* Returns whether the text is a table. The first line of all others, a comment, JSON, XML, the data of a plot
+ * or bytes, is one that no other program writes. */
+static bool is_table(const char *data, size_t bytes) {
+    const char *end = memchr(data, '\n', bytes);
+    bool plain = end != NULL && strchr("#={<", data[0]) == NULL;
+    for (const char *c = data; plain && c < end; c++) plain = (unsigned char)*c >= ' ';
+    return plain;
+}
+
+/* Returns whether the file that exists is an earlier result like `data`; `whole`: whether it equals them. */
+static bool is_earlier(const app *self, const char *path, const char *kind, const char *data, size_t bytes,
+                       bool whole) {
+    static const char h5[] = LG_H5_SIGNATURE;
+    if (bytes >= sizeof h5 - 1 && memcmp(data, h5, sizeof h5 - 1) == 0) return is_of_kind(self, path, kind);
+    return app_begins(self, path, data, bytes, whole ? 0 : 1) &&
+           (whole || !is_table(data, bytes) || has_such_rows(path, data, bytes));
 }
 
 void app_say_replaces(const app *self, const char *path) {
@@ -248,7 +363,7 @@ static lg_status may_write(const app *self, const char *path, const char *data, 
     output *of = output_of(path, false);
     const bool there = !of->written && stat(path, &about) == 0 && S_ISREG(about.st_mode) && about.st_size > 0,
                known = there && about.st_dev == of->device && about.st_ino == of->inode;
-    if (there && !known && !app_begins(self, path, data, bytes, whole ? 0 : 1))
+    if (there && !known && !is_earlier(self, path, of->kind, data, bytes, whole))
         return lg_fail(error, LG_FILE,
                        "%s: exists and is not an earlier result of this kind: remove it, or write to "
                        "another file",
@@ -298,8 +413,8 @@ void app_write_texts(const app *self, const char *folder, const app_named_text *
  * data lie next to it. */
 static void check_earlier(const app *self, const written_file *file) {
     const char *path = file->path, *begins = file->begins;
-    const output *of =
-        output_of(path, false); /* output_of adds the path to the outputs, which app_reads searches */
+    output *of = output_of(path, false); /* it adds the path to the outputs, which app_reads searches */
+    of->kind = file->kind;
     if (begins == NULL) return;
     app_check_text(self, path, begins);
     const bool drawn = app_plot_name_fits(path);

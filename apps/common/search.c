@@ -535,7 +535,12 @@ static int run_search(searching *search) {
     char label[LG_SEARCH_LABEL];
     lg_error error = {LG_OK, ""};
     const double begin = app_seconds();
-    if (!self->continues) app_check_text(self, search->values->out, "# " LG_SEARCH_SEED);
+    /* The label of a table of trials is a sure sign; a comment that begins as it does is not. */
+    const lg_status found = lg_trials_read(self->context, search->values->out, search->file, self->seed,
+                                           search->setting, 0, NULL, &search->count, &error);
+    if (!self->continues)
+        app_check_text(self, search->values->out,
+                       found == LG_FORMAT ? "no table of trials" : "# " LG_SEARCH_SEED);
     lg_search_label(search->file, self->seed, search->setting, label);
     app_must_file(self, trials_open(&search->work, label, &error), &error, search->values->out);
     const lg_status status = self->continues ? read_table(search, &error) : LG_OK;
@@ -612,7 +617,7 @@ void search_main(app *self, const app_command *train, train_task *task) {
                                  .take = take_trial,
                                  .save = save}};
     take_rungs(self, &search.options);
-    const app_path out = trials_choose(&search.work, LG_FILE_TEXT);
+    const app_path out = trials_choose(&search.work, NULL);
     self->continues = values->resume || trials_continues(&search.work);
     app_check_outputs(self, &out, 1);
     train_begin(self, task, 1);

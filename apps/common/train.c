@@ -145,15 +145,16 @@ static void tidy(const app *self, const char *checkpoint) {
 }
 
 /* Checks that no output file is also an input or another output. */
-static void check_files(app *self) {
+static void check_files(app *self, const train_task *task) {
     APP_FREE char *checkpoint = checkpoint_path();
     /* A resumed run may write its checkpoints to the file that it was resumed from. */
     const bool same = files->resume != NULL && app_same_file(files->resume, checkpoint);
     if (files->resume != NULL && !same) tidy(self, files->resume);
     self->continues = same;
-    const app_path paths[] = {{"resume", same ? NULL : files->resume, LG_FILE_READ},
-                              {"out", files->out, LG_FILE_WRITTEN},
-                              {"checkpoint", checkpoint, LG_FILE_WRITTEN}};
+    const app_path paths[] = {
+        {"resume", same ? NULL : files->resume, LG_FILE_READ, NULL},
+        {"out", files->out, LG_FILE_WRITTEN, task->kind != NULL ? task->kind : task->recipe->name},
+        {"checkpoint", checkpoint, LG_FILE_WRITTEN, task->recipe->checkpoint}};
     app_check_outputs(self, paths, LG_COUNT(paths));
     app_check_text(self, files->history, TRAIN_HISTORY "\n");
 }
@@ -425,7 +426,7 @@ void train_open(app *self, train_task *task) {
     train_begin(self, task, 0);
     if (task->check != NULL) must(self, task->check(self, &error), &error);
     check_options(self, task);
-    check_files(self);
+    check_files(self, task);
     app_read_options(self);
     train_read(self, task);
 }

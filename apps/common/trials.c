@@ -63,7 +63,7 @@ static void read_task(trials_work *self) {
     self->tasks = (size_t)n;
 }
 
-app_path trials_choose(trials_work *self, lg_file_use use) {
+app_path trials_choose(trials_work *self, const char *kind) {
     self->task = self->app->rank;
     self->tasks = self->app->rank_count;
     if (self->values->task != NULL) read_task(self);
@@ -72,7 +72,8 @@ app_path trials_choose(trials_work *self, lg_file_use use) {
     if (self->values->task != NULL || self->app->rank_count > 1)
         self->own_part = part_path(self, self->task, self->tasks);
     const bool task = self->values->task != NULL;
-    return (app_path){"out", task ? self->own_part : self->out, task ? LG_FILE_TEXT : use};
+    return (app_path){"out", task ? self->own_part : self->out,
+                      task || kind == NULL ? LG_FILE_TEXT : LG_FILE_WRITTEN, kind};
 }
 
 /* Returns the name of the next part of OUT in the folder, or NULL. */

@@ -83,8 +83,9 @@ typedef struct trials_work {
 /* Reads the i/n of --task, n at most `most`. Anything else, and ranks, end the command. */
 void trials_task(const app *app, const char *text, uint64_t most, uint64_t *i, uint64_t *n);
 /* Reads --task and finds out what this process does; call it before app_check_outputs. Returns the path that
- * the process writes: OUT, whose use is `use`, or the part of a task. A wrong --task ends the command. */
-app_path trials_choose(trials_work *self, lg_file_use use);
+ * the process writes: OUT, a file in HDF5 of this kind (NULL: a text), or the part of a task. A wrong --task
+ * ends the command. */
+app_path trials_choose(trials_work *self, const char *kind);
 /* Whether parts of OUT exist or this process adds to one: the command continues earlier work. */
 bool trials_continues(const trials_work *self);
 /* Reads all parts. `label` (at most 127 bytes are compared) says what the results depend on, so that results

@@ -153,14 +153,16 @@ static lg_status file_failed(lg_error *error) {
 /* Opens the sink and writes the line of names. */
 static lg_status sink_open(const app *self, const char *path, sink *out, lg_error *error) {
     struct stat information;
-    char head[64 * (LG_RISER_CHANNELS + 1)] = "time";
+    char head[64 * (LG_RISER_CHANNELS + 1)] = "time", row[sizeof head] = "0.1";
     for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) lg_append(head, sizeof head, ",%s", lg_riser_channel(c));
+    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) lg_append(row, sizeof row, ",%.8e", 1.0);
     lg_append(head, sizeof head, "\n");
+    APP_FREE char *like = app_format("%s%s\n", head, row);
     *out = (sink){.stream = stdout, .temporary = {.fd = -1}};
     if (path != NULL && stat(path, &information) == 0 && !S_ISREG(information.st_mode)) {
         out->stream = fopen(path, "we");
     } else if (path != NULL) {
-        LG_TRY(lg_may_replace(self->context, path, head, strlen(head), error));
+        LG_TRY(lg_may_replace(self->context, path, like, strlen(like), error));
         LG_TRY(lg_temporary_create(self->context, path, false, &out->temporary, error));
         out->stream = fdopen(dup(out->temporary.fd), "w");
     }

@@ -226,7 +226,7 @@ static void run(app *self) {
     lg_series_data data = {.noise = values.well.noise, .severity = values.well.severity};
     uint32_t length;
     size_t windows;
-    const app_path out = trials_choose(&made, LG_FILE_WRITTEN);
+    const app_path out = trials_choose(&made, "series");
     app_check_outputs(self, &out, 1);
     cut(self, &length, &windows);
     const double begin = app_seconds();

@@ -11,7 +11,8 @@ typedef struct train_values {
 } train_values;
 
 static const lg_field options[] = {
-    APP_OUT(train_values, "FILE.h5", "Write the policy", .file = LG_FILE_WRITTEN, .required = true),
+    APP_OUT(train_values, "FILE.h5", "Write the policy", .file = LG_FILE_WRITTEN, .kind = "policy",
+            .required = true),
     APP_RESUME(train_values, "Continue from the state that a stopped training left"),
     APP_BOUND(train_values, "Shorten the phases to this time", .otherwise = "no bound"),
     LG_OPTION(train_values, seeds, U64, "n", "Seeds in the race", .low = 1, .high = 1000, .value = "8"),
@@ -213,8 +214,8 @@ static void check_checkpoint(app *self) {
     APP_FREE char *path = app_format("%s.checkpoint", values.out);
     const bool same = values.resume != NULL && app_same_file(values.resume, path);
     self->continues = same;
-    const app_path paths[] = {{"resume", same ? NULL : values.resume, LG_FILE_READ},
-                              {"checkpoint", path, LG_FILE_WRITTEN}};
+    const app_path paths[] = {{"resume", same ? NULL : values.resume, LG_FILE_READ, NULL},
+                              {"checkpoint", path, LG_FILE_WRITTEN, "policy-checkpoint"}};
     app_check_outputs(self, paths, LG_COUNT(paths));
 }
 

@@ -22,7 +22,8 @@ static const lg_field generate_options[] = {
     LG_OPTION(generate_values, gap, REAL, "G", "Distance kept from x = 0, pi and 2 pi, in units of pi",
               .high = 0.499, .value = "0.01"),
     CONTINUOUS(generate_values),
-    APP_OUT(generate_values, "FILE", "The HDF5 file to write", .file = LG_FILE_WRITTEN, .required = true),
+    APP_OUT(generate_values, "FILE", "The HDF5 file to write", .file = LG_FILE_WRITTEN, .kind = "elastica",
+            .required = true),
     LG_FIELD_END};
 
 static generate_values values;

@@ -226,7 +226,7 @@ static void run(app *self) {
     trials_work made = {
         .app = self, .values = &values.shared, .out = values.out, .noun = "pieces", .threads = self->threads};
     bool h5;
-    const app_path out = trials_choose(&made, LG_FILE_WRITTEN);
+    const app_path out = trials_choose(&made, "trajectories");
     app_check_outputs(self, &out, 1);
     APP_MUST_FILE(self, path, lg_file_is_h5(path, &h5, &error));
     const lg_trajectory_options how =

@@ -6,9 +6,10 @@
 #include <math.h>
 #include <string.h>
 
-static const lg_field predict_options[] = {
-    APP_OUT(app_common, "FILE", "Write the trajectory as a data file (HDF5)", .file = LG_FILE_WRITTEN),
-    LG_FIELD_END};
+static const lg_field predict_options[] = {APP_OUT(app_common, "FILE",
+                                                   "Write the trajectory as a data file (HDF5)",
+                                                   .file = LG_FILE_WRITTEN, .kind = "trajectories"),
+                                           LG_FIELD_END};
 
 typedef struct prediction {
     const lg_hamiltonian_file *file;

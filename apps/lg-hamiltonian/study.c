@@ -222,7 +222,7 @@ static void run(app *host) {
                            .run = do_run,
                            .take = take_run,
                            .save = save}};
-    const app_path out = trials_choose(&self.work, LG_FILE_TEXT);
+    const app_path out = trials_choose(&self.work, NULL);
     app_check_outputs(host, &out, 1);
     read_grid(host, &self.grid);
     set_axes(&self.grid, &self.table);

@@ -21,7 +21,8 @@ static const lg_field options[] = {
            .meaning = "Rows of the windows that are fitted (default an eighth of the beginning, or those of "
                       "the training)"),
     IDENTIFY_MODEL_OPTIONS(adapt_values),
-    APP_OUT(adapt_values, "MODEL.h5", "Write the adapted model", .file = LG_FILE_WRITTEN),
+    APP_OUT(adapt_values, "MODEL.h5", "Write the adapted model", .file = LG_FILE_WRITTEN,
+            .kind = "machine_model"),
     LG_FIELD_END};
 
 static adapt_values values;

@@ -401,7 +401,7 @@ static void run(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(making_end) making m = {.runs = 0};
     const app_path inputs = {"excitation", find_form() < LG_COUNT(forms) ? NULL : values.excitation,
-                             LG_FILE_READ};
+                             LG_FILE_READ, NULL};
     app_check_outputs(self, &inputs, 1);
     APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &m.file, &error));
     check_scene(self, &m.file);

@@ -86,13 +86,14 @@ static void check_options(const app *self) {
 }
 
 static void check_outputs(const app *self, const ensemble_files *files) {
+    const char *kind = values.ensemble > 0 ? "ensemble" : "trajectory";
     const bool weights = values.gradient != NULL && values.gradient[0] == '@';
-    const app_path paths[] = {{"scheme", values.scheme, LG_FILE_READ},
-                              {"gradient", weights ? values.gradient + 1 : NULL, LG_FILE_READ},
-                              {"out", files->out, LG_FILE_WRITTEN},
-                              {"save", files->trajectories, LG_FILE_WRITTEN},
+    const app_path paths[] = {{"scheme", values.scheme, LG_FILE_READ, NULL},
+                              {"gradient", weights ? values.gradient + 1 : NULL, LG_FILE_READ, NULL},
+                              {"out", files->out, LG_FILE_WRITTEN, kind},
+                              {"save", files->trajectories, LG_FILE_WRITTEN, "ensemble-trajectories"},
                               /* Rank 0 merges the parts of all ranks into the file of --out. */
-                              {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN}};
+                              {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN, kind}};
     app_check_outputs(self, paths, LG_COUNT(paths));
 }
 

@@ -173,7 +173,7 @@ static void run(app *self) {
     self->argument_count--;
     memmove((void *)self->arguments, self->arguments + 1,
             (size_t)self->argument_count * sizeof *self->arguments);
-    app_check_outputs(self, &(app_path){NULL, out, LG_FILE_WRITTEN}, 1);
+    app_check_outputs(self, &(app_path){NULL, out, LG_FILE_WRITTEN, "ensemble"}, 1);
     merge_parts(self, out, self->arguments, (size_t)self->argument_count, values.statistics_only);
 }
 

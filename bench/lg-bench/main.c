@@ -267,12 +267,12 @@ static bool threads_given; /* If not given, lg-bench uses one thread, unlike the
 
 static void check_outputs(const app *self) {
     static const char *const endings[] = {"data", "weights", "order", "mlp", "resnet", "mult", "mult-affine"};
-    app_path paths[LG_COUNT(endings) + 1] = {{"weights", given.weights, LG_FILE_READ}};
+    app_path paths[LG_COUNT(endings) + 1] = {{"weights", given.weights, LG_FILE_READ, NULL}};
     char *names[LG_COUNT(endings)];
     if (given.out == NULL) return;
     for (size_t i = 0; i < LG_COUNT(endings); i++) {
         names[i] = app_format("%s.%s", given.out, endings[i]);
-        paths[i + 1] = (app_path){"out", names[i], LG_FILE_TEXT};
+        paths[i + 1] = (app_path){"out", names[i], LG_FILE_TEXT, NULL};
     }
     app_check_outputs(self, paths, LG_COUNT(paths));
     for (size_t i = 0; i < LG_COUNT(endings); i++) free(names[i]);

@@ -88,8 +88,8 @@ LG_API lg_status lg_file_is_ours(const lg_context *context, const char *path, bo
 /* ---- writing bytes ---- */
 
 /* Writes `bytes` bytes as the complete file `path`, by the steps of the rules above, unless the context's
- * `replace` rejects (liegrad/core.h). A symbolic link stays, and the file that it points to is replaced. The
- * writers of CSV, SVG and JSON files call this function. */
+ * `replace` rejects (liegrad/core.h). A symbolic link stays, and the file that it points to is replaced; if
+ * it points to nothing, the status is LG_FILE. The writers of CSV, SVG and JSON files call this function. */
 LG_API lg_status lg_file_write(const lg_context *context, const char *path, const void *data, size_t bytes,
                                lg_error *error);
 

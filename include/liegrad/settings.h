@@ -87,6 +87,7 @@ typedef struct lg_field {
     const char *needs;   /* an option that must be given, too; NULL: none */
     const char *without; /* options that must not be given with it, separated by commas; NULL: none */
     lg_file_use file;    /* for types STRING and PHRASE */
+    const char *kind;    /* for LG_FILE_WRITTEN: the attribute `kind` of the file */
     bool adam;           /* the field applies only if Adam takes part in the training */
     bool optional; /* files of earlier versions may lack it; their readers then use a default of their own */
     /* Bit v is set: the field applies to runs whose method has number v. 0: it applies to all runs. */

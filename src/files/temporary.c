@@ -171,10 +171,13 @@ int lg_make_temporary(int folder, const char *target, bool is_folder, char name[
     return -1;
 }
 
-lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder, lg_temporary *out,
-                              lg_error *error) {
-    LG_NEEDS(error, target, out);
-    LG_TRY(lg_refuse_own_name(target, error));
+bool lg_is_lost_link(const char *path) {
+    struct stat about;
+    return lstat(path, &about) == 0 && S_ISLNK(about.st_mode) && stat(path, &about) != 0;
+}
+
+static lg_status make(const lg_context *context, const char *target, bool folder, lg_temporary *out,
+                      lg_error *error) {
     const size_t length = lg_folder_length(target);
     lg_temporary made = {.context = context, .fd = -1, .name = lg_alloc(context, length + LG_OWN_NAME, 1)};
     if (made.name == NULL)
@@ -193,6 +196,19 @@ lg_status lg_temporary_create(const lg_context *context, const char *target, boo
     }
     lg_free(context, made.name);
     return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
+}
+
+/* A symbolic link to a file stays, and the file is replaced. */
+lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder, lg_temporary *out,
+                              lg_error *error) {
+    LG_NEEDS(error, target, out);
+    LG_TRY(lg_refuse_own_name(target, error));
+    if (lg_is_lost_link(target))
+        return lg_fail(error, LG_FILE, "%s: cannot be written: " LG_LOST_LINK, lg_shown_path(target));
+    char *real = folder ? NULL : realpath(target, NULL);
+    const lg_status status = make(context, real != NULL ? real : target, folder, out, error);
+    free(real);
+    return status;
 }
 
 /* ---- giving the file its name ---- */
@@ -222,11 +238,13 @@ lg_status lg_temporary_publish(lg_temporary *temporary, const char *target, lg_e
     LG_NEEDS(error, temporary, target);
     int code = lg_sync(temporary->fd);
     if (code == 0) code = close_copy(temporary->fd);
-    if (code == 0 && rename(temporary->name, target) != 0) code = errno;
-    if (code != 0)
-        return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
-    sync_folder(target);
-    return LG_OK;
+    char *real = realpath(target, NULL);
+    const char *name = real != NULL ? real : target;
+    if (code == 0 && rename(temporary->name, name) != 0) code = errno;
+    if (code == 0) sync_folder(name);
+    free(real);
+    if (code == 0) return LG_OK;
+    return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
 }
 
 void lg_temporary_end(lg_temporary *temporary) {

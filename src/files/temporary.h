@@ -14,6 +14,9 @@ void lg_own_name(const char *target, const char *ending, char out[LG_OWN_NAME]);
 lg_status lg_refuse_own_name(const char *target, lg_error *error);
 /* The length of the part of the path before its last component, with the slash. */
 size_t lg_folder_length(const char *target);
+/* Returns whether the path is a symbolic link to a file that does not exist. Writers do not replace it. */
+bool lg_is_lost_link(const char *path);
+#define LG_LOST_LINK "it is a symbolic link to a file that does not exist"
 /* Opens the folder that contains `target`, for calls that work relative to a folder. */
 int lg_open_folder(const char *target);
 /* Returns whether `name` in the folder leads to the opened file. A symbolic link does not. */

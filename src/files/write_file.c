@@ -1,5 +1,4 @@
 /* Writes a file completely or not at all: writes a temporary file, then lg_temporary_publish renames it. */
-#define _XOPEN_SOURCE 700 /* for realpath */
 #include <errno.h>
 #include <signal.h>
 #include <stdlib.h>
@@ -44,11 +43,11 @@ int lg_write_all(int fd, const void *data, size_t bytes) {
     return code;
 }
 
-static lg_status write_temporary(const char *path, const char *target, lg_temporary *to,
-                                 const struct stat *old, const void *data, size_t bytes, lg_error *error) {
+static lg_status write_temporary(const char *path, lg_temporary *to, const struct stat *old, const void *data,
+                                 size_t bytes, lg_error *error) {
     int code = lg_write_all(to->fd, data, bytes);
     if (code == 0 && old != NULL && fchmod(to->fd, old->st_mode & 0777) != 0) code = errno;
-    const lg_status status = code == 0 ? lg_temporary_publish(to, target, error)
+    const lg_status status = code == 0 ? lg_temporary_publish(to, path, error)
                                        : file_error(error, path, "cannot be written", code);
     if (status != LG_OK) (void)unlink(to->name);
     return status;
@@ -63,15 +62,9 @@ lg_status lg_file_write(const lg_context *context, const char *path, const void 
     if (exists && !S_ISREG(old.st_mode))
         return lg_fail(error, LG_FILE, "%s: exists and is not a regular file", lg_shown_path(path));
     LG_TRY(lg_may_replace(context, path, data, bytes, error));
-    /* A symbolic link stays; the file that it points to is replaced. */
-    char *resolved = exists ? realpath(path, NULL) : NULL;
-    const char *target = resolved != NULL ? resolved : path;
     lg_temporary to;
-    lg_status status = lg_temporary_create(context, target, false, &to, error);
-    if (status == LG_OK) {
-        status = write_temporary(path, target, &to, exists ? &old : NULL, data, bytes, error);
-        lg_temporary_end(&to);
-    }
-    free(resolved);
+    LG_TRY(lg_temporary_create(context, path, false, &to, error));
+    const lg_status status = write_temporary(path, &to, exists ? &old : NULL, data, bytes, error);
+    lg_temporary_end(&to);
     return status;
 }

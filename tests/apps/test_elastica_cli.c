@@ -355,7 +355,7 @@ TEST("the error of a network of modes is its loss plus its truncation; the curve
     assert_close(json_number(result.out, "train_mse"), json_number(result.out, "training_loss") + truncation,
                  1e-9, 0);
     assert_true(truncation > 1e-12);
-    json("train data.h5 --epochs 1 --out one.h5", "truncation <1e-13");
+    json("train data.h5 --epochs 1 --out once.h5", "truncation <1e-13");
     const double one = json_number(result.out, "modes");
     json("train both.h5 --epochs 1 --train-fraction 1 --test-fraction 0 --out two.h5", "truncation <1e-13");
     assert_true(one > 7 && json_number(result.out, "modes") > one);

@@ -8,7 +8,7 @@
 # shellcheck disable=SC2086 # words are split on purpose
 set -u
 export LC_ALL=C OPENBLAS_NUM_THREADS=1
-status=0 runs=0 outputs=0 kept=0 replaced=0 continued=0
+status=0 runs=0 outputs=0 kept=0 links=0 replaced=0 continued=0
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 export PATH=$LG_BIN_DIR:$PATH
@@ -98,8 +98,12 @@ make lg-simulate pendulum.yaml --ensemble 20 --t-end 0.2 --task 0/2 --out e.h5
 make lg-simulate pendulum.yaml --ensemble 20 --t-end 0.2 --task 1/2 --out e.h5
 # HDF5 of another program: the attribute `format` has another value
 sed 's/liegrad/another/g' data.h5 >foreign.h5
+# HDF5 of liegrad, of a kind that a program of the user's own has chosen
+sed 's/surrogate/mymachine/g' beam.h5 >own.h5
 
-# foreign files: a text without a line end, bytes without a line, plots that liegrad did not draw
+# foreign files: a text without a line end, bytes without a line, plots that liegrad did not draw, a comment that begins
+# as that of a table of trials
+printf '# seed 42\nmy,only\n1,data\n' >seed.csv
 printf 'important notes' >notes
 head -c 600 /dev/zero >zeros
 printf '\211PNG\r\n\032\nphoto' >photo.png
@@ -135,6 +139,30 @@ refuses() {
     case $found$said in 3*"${name##*/}"*) ;; *) fail "$*: onto $name (${content##*/}): code $found: $said" ;; esac
 }
 
+# onto_link NAME WORDS...: NAME is a symbolic link to nothing. It stays one.
+onto_link() {
+    local name=$1
+    fresh
+    shift
+    mkdir -p "$(dirname "$name")"
+    ln -s ../nowhere "$name"
+    command "$@"
+    links=$((links + 1))
+    case $found$said in 3*"${name##*/}"*) ;; *) fail "$*: onto the link $name: code $found: $said" ;; esac
+    [ -L "$name" ] && [ ! -e "$name" ] && [ ! -e ../nowhere ] || fail "$*: the link $name is followed or replaced"
+}
+
+# onto_table NAME WORDS...: a user's table with the first line of what the command writes into NAME.
+onto_table() {
+    local name=$1 made=../made.csv mine=../mine.csv
+    shift
+    cp "$name" $made
+    case $(head -c 1 $made) in '#') onto_foreign "$name" "$work/in/seed.csv" "$@" && return ;; esac
+    case $2 in study) ;; *) head -1 $made >$mine && onto_foreign "$name" $mine "$@" ;; esac # a study continues its first line
+    (head -1 $made && head -1 $made | sed 's/[^,]\+/1/g') >$mine && onto_foreign "$name" $mine "$@"
+    (cat $made && echo mine) >$mine && onto_foreign "$name" $mine "$@"
+}
+
 # onto_own WORDS...: the command again, onto its own results in this folder. A file that is another one afterwards was
 # replaced, and this must be said; a file that is still the same one was continued.
 onto_own() {
@@ -167,6 +195,7 @@ writes() {
     fresh
     command "$@"
     [ $found = $code ] || { fail "$*: exit code $found: $said"; return; }
+    rm -rf ../result && cp -a . ../result
     case $said in *replaces*) fail "$*: in an empty folder: $said" ;; esac
     made=$(find . -type f -printf '%P\n' | sort)
     [ -n "$made" ] || fail "$*: nothing is written"
@@ -177,11 +206,16 @@ writes() {
     for name in ${only:-$made $more}; do
         onto_foreign "$name" "$work/in/notes" "$@"
         case $name in
-            *.h5) onto_foreign "$name" "$work/in/foreign.h5" "$@" ;;
+            *.h5)
+                onto_foreign "$name" "$work/in/foreign.h5" "$@"
+                onto_foreign "$name" "$work/in/own.h5" "$@"
+                ;;
+            *.csv) [ ! -e "../result/$name" ] || { cp "../result/$name" . && onto_table "$name" "$@"; } ;;
             *.svg) onto_foreign "$name" "$work/in/photo.svg" "$@" ;;
             *.png) onto_foreign "$name" "$work/in/photo.png" "$@" ;;
             *) onto_foreign "$name" "$work/in/zeros" "$@" ;;
         esac
+        case $name in *part*) ;; *.h5 | *.csv | *.svg | *.json) onto_link "$name" "$@" ;; esac
     done
 }
 
@@ -269,6 +303,24 @@ refuses t.csv "$work/in/notes" lg-fit search $in/fit.yaml $in/table.csv --output
 refuses m.h5 "$work/in/notes" lg-fit train $in/table.csv --outputs y --epochs 5 $one --resume m.h5.checkpoint --out m.h5
 cp $in/energy.h5 .
 continues lg-hamiltonian evaluate energy.h5 $in/data.h5 --record
+printf 'y\nmy only data\n' >$in/words.csv
+printf 'y\n0.1\n0.7\n' >$in/numbers.csv
+for mine in words numbers; do refuses p.csv "$work/in/$mine.csv" lg-fit predict $in/fit.h5 $in/table.csv --out p.csv; done
+refuses m.h5 "$work/in/energy.h5" lg-fit train $in/table.csv --outputs y --epochs 4 $one --out m.h5
+refuses m.h5 "$work/in/fit.h5" lg-control train $in/task.yaml --seeds 1 --race 2 --finish 0 --polish 0 --starts 64 --out m.h5
+
+# A link to an earlier result stays, also where the rows of the file are written one by one.
+keeps_link() {
+    local name=$1
+    shift
+    fresh
+    command "$@" && mv "$name" ../far && ln -s ../far "$name"
+    command "$@"
+    [ -L "$name" ] && [ $found = 0 ] || fail "$*: the link $name is replaced: code $found: $said"
+}
+keeps_link f.csv lg-anomaly feed --hours 0.1 --noise 10 --out f.csv
+keeps_link p.csv lg-fit predict $in/fit.h5 $in/table.csv --out p.csv
+keeps_link e.trajectories.h5 lg-simulate $in/pendulum.yaml --ensemble 4 --save all --t-end 0.2 --out e.h5
 
 # ---- all outputs of all programs ----
 
@@ -301,5 +353,5 @@ done
 [ $excused = $(echo "$reasons" | wc -l) ] || fail "a reason is given for an output that does not exist, or that is written: $reasons"
 [ $commands -gt 40 ] || fail "only $commands commands"
 echo "$commands commands: $reached outputs reached, $excused not"
-echo "$runs runs; $outputs files, kept $kept times, replaced $replaced, continued $continued"
+echo "$runs runs; $outputs files, kept $kept times and $links links, replaced $replaced, continued $continued"
 exit $status
