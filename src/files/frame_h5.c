@@ -136,8 +136,8 @@ static void add_members(h5_file *h, const source *table) {
     }
 }
 
-/* Looks at the object behind a link. Returns why it is no array of rows, or NULL. Groups, and data sets of one
- * number or text, are no columns that anyone misses, unless their names are wanted. */
+/* Looks at the object behind a link. Returns why it is no array of rows; NULL if it is one; "" for a group or
+ * a single number or text, which no one takes for a column unless its name is wanted. */
 static const char *look(const h5_file *h, const char *name, source *s, lg_error *error) {
     const bool wanted = h->frame->wants > 0;
     LG_QUIET;
