@@ -184,7 +184,7 @@ static lg_status read_number(lg_frame *f, size_t row, uint32_t column, const cha
         status == LG_NOT_FINITE ? "finite " : "",
         clock != NULL ? " of seconds, a date such as 2024-03-01T12:00:00.25Z or a time of day" : "",
         strchr(cell, ',') != NULL               ? "; write decimals with a point"
-        : f->header > 0 && f->before + row == 0 ? "; begin a line of units with #" LG_CSV_EMPTY
+        : f->header > 0 && f->before + row == 0 ? LG_CSV_EMPTY ", and begin a line of units with #"
                                                 : LG_CSV_EMPTY);
 }
 

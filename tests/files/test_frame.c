@@ -323,7 +323,8 @@ TEST("a message about a bad file says what was found and what to do") {
          "line 1: there is no column 'x'; the columns are: s, m; the line is a comment: remove it if it does "
          "not hold the names"},
         {BYTES("t,x\ns,m\n0,1\n"), "x",
-         "line 2: column x: 'm' is not a number; begin a line of units with #; leave cells without"},
+         "line 2: column x: 'm' is not a number; leave cells without a value empty, and begin a line of "
+         "units with #"},
         {BYTES("t,x\n0,1\ns,m\n"), "x", "line 3: column x: 'm' is not a number; leave cells without"},
         {BYTES("t\0,\0x\0\n"), "x", NO_TEXT " or an array of numpy (.npy)"}, /* UTF-16 */
         {BYTES("PK\3\4\0"), "x", "is not text: it begins as a zip file; from .npz save one array as .npy"},
@@ -449,7 +450,7 @@ TEST("dates and times of day are seconds since the first one, exact to nanosecon
          "line 4: column t: '12:00:00' is a time of day, but line 3 has a number of seconds"},
         {"12:00:00\n0.5\n", "line 3: column t: '0.5' is a number of seconds, but line 2 has a time of day"},
         {"1e999\n", "line 2: column t: '1e999' is not a finite number"},
-        {"one\n", "'one' " NO_TIME "; begin a line of units with #; leave cells without a value empty"},
+        {"one\n", "'one' " NO_TIME "; leave cells without a value empty"},
         {"12:00:00,5\n", "has 2 cells"},
         {"24:00:00\n", "'24:00:00' " NO_TIME},
         {"12:60:00\n", NO_TIME},
