@@ -66,8 +66,10 @@ static lg_status take_bytes(lg_csv *c, const char *from, size_t count, bool quot
         if (c->wait == NULL)
             return lg_csv_fail(
                 c, error,
-                "is not text: it has a zero byte, so it is no CSV in UTF-8, and it does not begin "
-                "as HDF5 or an array of numpy (.npy)");
+                strncmp(c->line, "PK", 2) == 0
+                    ? "is not text: it begins as a zip file; from .npz save one array as .npy (numpy.save)"
+                    : "is not text: it has a zero byte, so it is no CSV in UTF-8, and it does not begin "
+                      "as HDF5 or an array of numpy (.npy)");
     c->length += count;
     if (c->number == 1 && c->length >= 3 && memcmp(c->line, "\xef\xbb\xbf", 3) == 0) {
         c->length -= 3;

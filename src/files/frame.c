@@ -25,7 +25,7 @@ lg_status lg_frame_no_memory(const lg_frame *f, lg_error *error) {
 
 lg_status lg_frame_fail(const lg_frame *f, size_t row, const char *column, lg_error *error,
                         const char *format, ...) {
-    char text[400], line[32] = "";
+    char text[sizeof error->message], line[32] = "";
     va_list arguments;
     const size_t number = column != NULL ? f->line[row] : f->header;
     va_start(arguments, format);
@@ -55,10 +55,9 @@ lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error) {
 static lg_status missing_column(lg_frame *f, const char *name, lg_error *error) {
     lg_name_list have = {.used = 0};
     char quoted[LG_CSV_QUOTED];
-    f->missing = name;
     for (uint32_t i = 0; i < f->columns; i++) lg_name_list_add(&have, lg_csv_quote(f->name[i], quoted));
-    return lg_frame_fail(f, 0, NULL, error, "there is no column '%s'; the columns are: %s", name,
-                         lg_tamed(have.text));
+    return lg_frame_fail(f, 0, NULL, error, "there is no column '%s'; the columns are: %s%s%s", name,
+                         lg_tamed(have.text), f->note.used > 0 ? "; " : "", lg_tamed(f->note.text));
 }
 
 /* Sets *at to the column with this name, or to f->columns if no column has it. */
@@ -185,7 +184,9 @@ static lg_status read_number(lg_frame *f, size_t row, uint32_t column, const cha
         f, row, f->name[column], error, "'%s' is not a %snumber%s%s", lg_tamed(show),
         status == LG_NOT_FINITE ? "finite " : "",
         clock != NULL ? " of seconds, a date such as 2024-03-01T12:00:00.25Z or a time of day" : "",
-        strchr(cell, ',') != NULL ? "; write decimals with a point" : LG_CSV_EMPTY);
+        strchr(cell, ',') != NULL               ? "; write decimals with a point"
+        : f->header > 0 && f->before + row == 0 ? LG_CSV_EMPTY ", and begin a line of units with #"
+                                                : LG_CSV_EMPTY);
 }
 
 lg_status lg_frame_put_cell(lg_frame *f, size_t row, uint32_t column, const char *text, bool quoted,
@@ -231,6 +232,7 @@ lg_status lg_frame_open(lg_frame *f, lg_error *error) {
     size_t got = 0;
     bool is = false;
     f->shown = lg_shown_path(f->path);
+    f->note = (lg_name_list){.used = 0};
     if (*f->path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a %s needs a name", f->what);
     LG_TRY(lg_read_first(f->path, first, sizeof first, &got, error));
     for (size_t i = 0; i < LG_COUNT(formats) && !is; i++) {

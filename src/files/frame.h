@@ -34,6 +34,7 @@
 #define LG_FRAME_H
 
 #include "core/core.h"
+#include "core/text.h"
 #include "core/widen.h"
 #include "liegrad/files.h"
 
@@ -116,7 +117,7 @@ typedef struct lg_frame {
     bool cut;            /* the last line of the file is incomplete and was left out */
     /* Internal. */
     const struct lg_frame_format *format;
-    const char *missing; /* the wanted column that the file has not, or NULL */
+    lg_name_list note; /* what the format adds to a message about a missing column */
     void *source;
     lg_frame_use *use; /* (columns) */
     size_t before, room, name_room;

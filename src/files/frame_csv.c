@@ -21,6 +21,8 @@ static lg_status open_csv(lg_frame *f, lg_error *error) {
         LG_TRY(lg_frame_add_name(f, cell, error));
     }
     if (f->columns != c->cells) return lg_csv_fail(c, error, "a cell has a quote inside");
+    if (c->row != NULL)
+        lg_name_list_add(&f->note, "the line is a comment: remove it if it does not hold the names");
     return lg_frame_find(f, error);
 }
 
@@ -37,6 +39,11 @@ static lg_status read_row(lg_frame *f, lg_csv *c, lg_error *error) {
         LG_TRY(lg_frame_put_cell(f, row, i, cell, c->quoted, error));
     }
     f->rows++;
+    if (!c->closed && lg_frame_is_wanted(f, f->columns - 1))
+        lg_log_message(f->context, LG_LOG_WARNING,
+                       "%s: the last line (%zu) has no line end; if the file was cut, its last value may be "
+                       "wrong",
+                       c->shown, c->number);
     return LG_OK;
 }
 

@@ -24,7 +24,6 @@ typedef struct h5_file {
     uint64_t rows;      /* of the wanted columns */
     const char *counts; /* the wanted data set that has them; NULL: none so far */
     bool joined;        /* names are in one text, with commas between them */
-    const char *single; /* a single number that is left out of the columns, or NULL */
 } h5_file;
 
 static bool is_numbers(const lg_h5_about *about) {
@@ -105,28 +104,69 @@ static uint32_t axis_of(const h5_file *h, const source *s) {
     return row && is_column(h, s) ? longest : s->matlab;
 }
 
+/* Notes why a data set or member is no column, if all columns or its name are wanted. */
+static void leave_out(h5_file *h, const source *s, const char *why) {
+    lg_frame *f = h->frame;
+    const bool member = s->member[0] != '\0';
+    bool wanted = f->wants == 0;
+    for (size_t i = 0; i < f->wants; i++)
+        wanted = wanted || strcmp(f->want[i].name, member ? s->member : s->name) == 0;
+    char note[2 * LG_FRAME_NAME + 80];
+    (void)snprintf(note, sizeof note, "/%s%s%s %.70s", s->name, member ? "." : "", s->member, why);
+    if (wanted) lg_name_list_add(&f->note, note);
+}
+
+/* Adds numbers and texts. */
+static void add_readable(h5_file *h, const source *s) {
+    if (h->count == MOST_SOURCES)
+        leave_out(h, s, "comes after 4096 others");
+    else if (is_numbers(&s->about) || s->about.kind == LG_H5_WORDS)
+        h->sources[h->count++] = *s;
+    else
+        leave_out(h, s, "has neither a number nor a text in each row");
+}
+
 static void add_members(h5_file *h, const source *table) {
-    for (uint32_t i = 0; i < table->about.members && h->count < MOST_SOURCES; i++) {
-        source *s = &h->sources[h->count];
-        *s = *table;
-        if (lg_h5_look_member(h->h5, s->name, i, s->member, sizeof s->member, &s->about, NULL) == LG_OK)
-            h->count += is_numbers(&s->about) || s->about.kind == LG_H5_WORDS;
+    for (uint32_t i = 0; i < table->about.members; i++) {
+        source s = *table;
+        if (lg_h5_look_member(h->h5, s.name, i, s.member, sizeof s.member, &s.about, NULL) == LG_OK)
+            add_readable(h, &s);
+        else
+            leave_out(h, &s, "has a member that cannot be read");
     }
 }
 
-/* Adds the data set behind one link of the root. Objects that are not arrays of rows are skipped. */
+/* Looks at the object behind a link. Returns why it is no array of rows; NULL if it is one; "" for a group or
+ * a single number or text, which no one takes for a column unless its name is wanted. */
+static const char *look(const h5_file *h, const char *name, source *s, lg_error *error) {
+    const bool wanted = h->frame->wants > 0;
+    LG_QUIET;
+    LG_ID object = H5Oopen(h->h5->file, name, h->h5->links);
+    if (object < 0) return "is a link that leads nowhere or out of the file";
+    if (H5Iget_type(object) != H5I_DATASET) return wanted ? "is a group" : "";
+    if (strlen(name) >= sizeof s->name) return "has a name of more than 63 bytes";
+    if (lg_h5_look(h->h5, name, sizeof(double), &s->about, error) != LG_OK)
+        return strrchr(error->message, ':') + 2;
+    if (s->about.rank < 1) return wanted ? "is a single number or text" : "";
+    if (lg_h5_is_vector(&s->about) || s->about.rank == 1 || s->about.count == 1) return NULL;
+    if (s->about.rank > 2) return s->about.rank == 3 ? "has 3 dimensions" : "has 4 dimensions";
+    return is_numbers(&s->about) ? NULL : "is a matrix, but not of numbers";
+}
+
+/* Adds the data set behind one link of the root. */
 static herr_t add_source(hid_t group, const char *name, const H5L_info_t *info, void *user) {
     h5_file *h = user;
     source s = {.columns = 1};
-    if (h->count == MOST_SOURCES || strlen(name) >= sizeof s.name) return 0;
+    lg_error error = {LG_OK, ""};
     (void)snprintf(s.name, sizeof s.name, "%s", name);
-    if (lg_h5_look(h->h5, name, sizeof(double), &s.about, NULL) != LG_OK || s.about.rank < 1) return 0;
-    const bool vector = lg_h5_is_vector(&s.about) || s.about.rank == 1 || s.about.count == 1;
-    if (s.about.kind == LG_H5_TABLE && vector) add_members(h, &s);
-    if (!is_numbers(&s.about) && s.about.kind != LG_H5_WORDS) return 0;
-    if (!vector && (s.about.rank > 2 || s.about.kind == LG_H5_WORDS)) return 0;
+    const char *why = look(h, name, &s, &error);
     s.matlab = s.about.rank == 2 && lg_h5_has_attribute(h->h5, name, "MATLAB_class");
-    h->sources[h->count++] = s;
+    if (why != NULL && *why != '\0')
+        leave_out(h, &s, why);
+    else if (why == NULL && s.about.kind == LG_H5_TABLE)
+        add_members(h, &s);
+    else if (why == NULL)
+        add_readable(h, &s);
     return 0;
 }
 
@@ -137,12 +177,12 @@ static lg_status add_columns(h5_file *h, source *s, lg_error *error) {
     s->first = h->frame->columns;
     s->columns = 0;
     const bool single = about->count == 1 && about->kind != LG_H5_WORDS && h->longest > 1;
-    if (single && h->frame->wants == 0) {
-        h->single = s->name;
-        return LG_OK;
-    }
-    if (columns == 0 || columns > LG_FRAME_MOST_COLUMNS) return LG_OK;
-    if (about->kind == LG_H5_WORDS && columns > 1) return LG_OK;
+    const char *why = single && h->frame->wants == 0              ? "is a single number"
+                      : columns == 0                              ? "is empty"
+                      : columns > LG_FRAME_MOST_COLUMNS           ? "has more than 65536 columns"
+                      : about->kind == LG_H5_WORDS && columns > 1 ? "is a matrix, but not of numbers"
+                                                                  : NULL;
+    if (why != NULL) return leave_out(h, s, why), LG_OK;
     s->columns = (uint32_t)columns;
     if (s->columns > 1) return name_columns(h, s, error);
     return lg_frame_add_name(h->frame, s->member[0] != '\0' ? s->member : s->name, error);
@@ -246,26 +286,15 @@ static lg_status is_h5(const char *path, const unsigned char *first, size_t coun
     return lg_file_is_h5(path, is, error);
 }
 
-/* Adds to the message about a missing column what has its name. */
-static lg_status explain(h5_file *h, lg_status status, lg_error *error) {
-    lg_h5_about about;
-    const char *name = h->frame->missing;
-    if (error == NULL || name == NULL || lg_h5_look(h->h5, name, 1, &about, NULL) != LG_OK) return status;
-    const lg_error was = *error;
-    return lg_fail(error, status,
-                   about.rank == 0 ? "%s; /%s is a single number or text" : "%s; /%s has %u dimensions",
-                   was.message, name, about.rank);
-}
-
 static lg_status begin(lg_frame *f, lg_error *error) {
     h5_file *h = f->source;
     LG_TRY(lg_h5_open(f->context, f->path, f->options, &h->h5, error));
     LG_TRY(list_sources(h, error));
     if (f->columns == 0)
-        return lg_fail(error, LG_FORMAT, "%s: has no data set at its root that is a column of numbers",
-                       f->shown);
-    const lg_status status = lg_frame_find(f, error);
-    return status == LG_OK ? check_sources(h, error) : explain(h, status, error);
+        return lg_fail(error, LG_FORMAT, "%s: has no data set at its root that is a column of numbers%s%s",
+                       f->shown, f->note.used > 0 ? "; " : "", lg_tamed(f->note.text));
+    LG_TRY(lg_frame_find(f, error));
+    return check_sources(h, error);
 }
 
 /* What the child process does: reads all that is wanted. */
@@ -284,9 +313,9 @@ static lg_status open_h5(lg_frame *f, lg_error *error) {
     h->frame = f;
     LG_TRY(lg_probe(f->context, f->path, f->options, read_whole, f, error));
     LG_TRY(begin(f, error));
-    if (h->single != NULL)
-        lg_log_message(f->context, LG_LOG_WARNING,
-                       "%s: /%s: is a single number and is left out of the columns", f->shown, h->single);
+    if (f->note.used > 0)
+        lg_log_message(f->context, LG_LOG_WARNING, "%s: left out of the columns: %s", f->shown,
+                       lg_tamed(f->note.text));
     return LG_OK;
 }
 

@@ -263,7 +263,8 @@ TEST("columns that do not belong together are rejected with file, row and column
 
 /* ---- what is found in a bad file, and what to do ---- */
 
-/* Numbers t and x, a single number y0, an array of rank 3, and records with another x. */
+/* Numbers x, records with another x, and what is no column: a single number y0, an array of rank 3, lists, a
+ * matrix of texts, a group, and links to another file and to nothing. */
 static void write_misfits(const char *path) {
     const struct record { double x, y; } records[2] = {{1, 2}, {3, 4}};
     const double numbers[8] = {0, 1, 2, 3, 4, 5, 6, 7};
@@ -275,7 +276,21 @@ static void write_misfits(const char *path) {
     put_dataset(file, "x", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, (hsize_t[]){2}, false, numbers);
     put_dataset(file, "y0", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 0, NULL, false, numbers);
     put_dataset(file, "cube", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, (hsize_t[]){2, 2, 2}, false, numbers);
+    hid_t list = H5Tvlen_create(H5T_NATIVE_DOUBLE), word = H5Tcopy(H5T_C_S1);
+    put_dataset(file, "list", list, list, 1, (hsize_t[]){2}, false, NULL);
+    put_dataset(file, "words", word, word, 2, (hsize_t[]){2, 2}, false, "abcd");
+    assert_true(H5Lcreate_external("other.h5", "/x", file, "far", H5P_DEFAULT, H5P_DEFAULT) >= 0 &&
+                H5Lcreate_soft("/none", file, "lost", H5P_DEFAULT, H5P_DEFAULT) >= 0 &&
+                H5Gclose(H5Gcreate2(file, "group", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT)) >= 0);
+    assert_true(H5Tclose(list) >= 0 && H5Tclose(word) >= 0);
     assert_true(H5Tclose(type) >= 0 && H5Fclose(file) >= 0);
+}
+
+static void write_bad(const char *path, const char *text, size_t bytes) {
+    if (text == NULL)
+        write_misfits(path);
+    else
+        write_bytes_to(path, text, bytes);
 }
 
 #define BYTES(text) text, sizeof text - 1
@@ -300,8 +315,19 @@ TEST("a message about a bad file says what was found and what to do") {
         {NULL, 0, "y0", "there is no column 'y0'; the columns are: x, y, x; /y0 is a single number"},
         {NULL, 0, "cube", "there is no column 'cube'; the columns are: x, y, x; /cube has 3 dimensions"},
         {NULL, 0, "z", "there is no column 'z'; the columns are: x, y, x"},
+        {NULL, 0, "far", "are: x, y, x; /far is a link that leads nowhere or out of the file"},
+        {NULL, 0, "list", "are: x, y, x; /list has neither a number nor a text in each row"},
+        {NULL, 0, "words", "are: x, y, x; /words is a matrix, but not of numbers"},
+        {NULL, 0, "group", "are: x, y, x; /group is a group"},
+        {BYTES("# s,m\n# t,x\n0,1\n"), "x",
+         "line 1: there is no column 'x'; the columns are: s, m; the line is a comment: remove it if it does "
+         "not hold the names"},
+        {BYTES("t,x\ns,m\n0,1\n"), "x",
+         "line 2: column x: 'm' is not a number; leave cells without a value empty, and begin a line of "
+         "units with #"},
+        {BYTES("t,x\n0,1\ns,m\n"), "x", "line 3: column x: 'm' is not a number; leave cells without"},
         {BYTES("t\0,\0x\0\n"), "x", NO_TEXT " or an array of numpy (.npy)"}, /* UTF-16 */
-        {BYTES("PK\3\4\0"), "x", NO_TEXT},                                   /* zip */
+        {BYTES("PK\3\4\0"), "x", "is not text: it begins as a zip file; from .npz save one array as .npy"},
         {BYTES("t,x\r0,1\r2,3\r"), "x", "line 1: has lines that end with a carriage return alone (CR): let"},
         {BYTES("t,\"x\rm\"\n0,1\n"), "x", "there is no column 'x'"},
     };
@@ -311,14 +337,66 @@ TEST("a message about a bad file says what was found and what to do") {
         lg_frame_want want = {.name = rows[i].want};
         lg_frame f = new_frame(path, &here, &want, 1);
         lg_error error = {LG_OK, ""};
-        if (rows[i].text == NULL)
-            write_misfits(path);
-        else
-            write_bytes_to(path, rows[i].text, rows[i].bytes);
+        write_bad(path, rows[i].text, rows[i].bytes);
         lg_status status;
         while (lg_test_again(status = lg_frame_open(&f, &error))) lg_frame_close(&f);
+        if (status == LG_OK) status = lg_frame_next(&f, SIZE_MAX, &error);
         assert_int_equal(status, LG_FORMAT);
         assert_says(error.message, rows[i].says);
+        lg_frame_close(&f);
+    }
+}
+
+static void keep(void *user, lg_log_level level, const char *message) {
+    lg_append(user, 1024, "%s%s\n", level == LG_LOG_WARNING ? "" : "note: ", message);
+}
+
+TEST("data sets that are no columns, and a last line that may be cut, are named in one warning") {
+    static const char misfits[] =
+        "left out of the columns: /cube has 3 dimensions, /far is a link that leads "
+        "nowhere or out of the file, /list has neither a number nor a text in each "
+        "row, /lost is a link that leads nowhere or out of the file, /words is a "
+        "matrix, but not of numbers\n";
+    static const struct {
+        const char *text; /* NULL: HDF5 */
+        size_t bytes;
+        const char *want, *says; /* want NULL: only names are read */
+    } rows[] = {
+        {NULL, 0, NULL, misfits},
+        {NULL, 0, "y", ""},
+        {BYTES("t,x\n0,1\n1,2"), "x",
+         "the last line (3) has no line end; if the file was cut, its last value may be wrong\n"},
+        {BYTES("# t,x\n1,2"), "x", "the last line (2) has no line end"},
+        {BYTES("t,x\n0,1\n1,2"), "t", ""}, /* the cell is whole */
+        {BYTES("t,x\n0,1\n1,2"), NULL, ""},
+        {BYTES("t,x\n0,1\n1,2\n"), "x", ""},
+        {BYTES("t,x\r\n0,1\r\n1,2\r"), "x", ""},
+    };
+    char said[1024];
+    lg_context_options options;
+    lg_context *context;
+    lg_context_options_init(&options);
+    options.log = keep, options.log_user = said;
+    assert_ok(lg_context_create(&options, &context));
+    lg_test_owns(context, release_context);
+    const lg_read_options here = without_probe();
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const char *path = scratch_path("warned");
+        lg_frame_want want = {.name = rows[i].want};
+        lg_frame f = new_frame(path, &here, &want, rows[i].want != NULL);
+        f.context = context;
+        write_bad(path, rows[i].text, rows[i].bytes);
+        lg_status status;
+        do {
+            lg_frame_close(&f);
+            said[0] = '\0';
+            status = lg_frame_open(&f, NULL);
+            if (status == LG_OK && rows[i].want != NULL) status = lg_frame_next(&f, SIZE_MAX, NULL);
+        } while (lg_test_again(status));
+        assert_status(status, LG_OK);
+        const char *end = strchr(said, '\n');
+        if (!lg_test_faulty()) assert_says(said, rows[i].says);
+        if (!lg_test_faulty()) assert_true(*rows[i].says == '\0' ? end == NULL : end[1] == '\0');
         lg_frame_close(&f);
     }
 }

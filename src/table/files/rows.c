@@ -93,13 +93,16 @@ static lg_status read_judged(lg_training *self, const char *path, const lg_table
 
 /* ---- columns that cannot be read ---- */
 
-/* Whether the table can be read with these inputs, the outputs and the classes. */
+/* Whether the table can be read with these inputs, the outputs and the classes. Warns of nothing. */
 static bool is_readable(const lg_training *self, const lg_table_names *inputs) {
     const lg_table_state *s = self->state;
     lg_table_sheet sheet;
-    const lg_status status =
-        load(self->context, self->paths[0], inputs, &s->outputs, class_column(s), &sheet, NULL);
+    lg_context *quiet = NULL;
+    lg_status status = lg_context_quiet(self->context, &quiet);
+    if (status != LG_OK) return false;
+    status = load(quiet, self->paths[0], inputs, &s->outputs, class_column(s), &sheet, NULL);
     lg_table_data_destroy(&sheet.data);
+    lg_context_destroy(quiet);
     return status == LG_OK;
 }
 
