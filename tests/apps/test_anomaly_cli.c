@@ -341,7 +341,8 @@ TEST("a test set may be in a separate file, also when training is resumed") {
     assert_close(number("evaluate given.h5 fresh.h5", "accuracy"), accuracy, 0, 0);
     cli_run(lg, "train data.h5 --test data.h5 --method logistic --out given.h5");
     assert_says(result.err, "there is no test on unseen data");
-    cli_run(lg, "train data.h5 --test fresh.h5 --epochs 4 --out half.h5 --stop-after 2 --checkpoint state.h5");
+    cli_run(lg,
+            "train data.h5 --test fresh.h5 --epochs 4 --out half.h5 --stop-after 2 --checkpoint state.h5");
     json("train data.h5 --test fresh.h5 --epochs 4 --out whole.h5 --resume state.h5",
          "epochs 4, test_windows 48");
     cli_run(lg, "train data.h5 --epochs 4 --out half.h5 --stop-after 2 --checkpoint c.h5");
