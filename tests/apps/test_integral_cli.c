@@ -172,11 +172,9 @@ TEST("a first integral in a file trains as the row of the table with the same fo
     save_of(rank_0, "rank.h5");
     cli_json(lg, TRAIN "--units given --penalty-integral ./rank.h5", "");
     assert_close(json_number(result.out, "loss"), named, 1e-9, 0);
-    cli_expect(lg, TRAIN "--penalty-integral rank.h5 --checkpoint ./rank.h5", 2,
-               "rank.h5 is an input and would be replaced");
+    cli_expect(lg, TRAIN "--penalty-integral rank.h5 --checkpoint ./rank.h5", 3, "rank.h5: exists");
     cli_expect(lg, TRAIN "--penalty-integral rank.h5 --stop-after 1", 0, "");
-    cli_expect(lg, "train train.h5 --resume m.h5.checkpoint --out rank.h5", 2,
-               "rank.h5 is an input and would be replaced");
+    cli_expect(lg, "train train.h5 --resume m.h5.checkpoint --out rank.h5", 3, "rank.h5: exists");
     cli_json(lg, TRAIN "--units given --penalty-integral G.h5 --dtype f32", "loss >0");
 }
 

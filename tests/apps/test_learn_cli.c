@@ -58,7 +58,9 @@ static void make_table(void) {
 }
 
 static void make_data(const struct learned *row) {
-    cli_forget("data.h5");
+    static const char *const made[] = {"data.h5", "theirs.h5",          "ours.h5", "whole.h5",
+                                       "part.h5", "part.h5.checkpoint", "m.h5"};
+    for (size_t i = 0; i < LG_COUNT(made); i++) cli_forget(made[i]); /* of another kind */
     if (row->generate == NULL)
         make_table();
     else
