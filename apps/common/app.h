@@ -393,7 +393,7 @@ typedef struct app_path {
     const char *option; /* without the dashes; NULL for an argument that is not in app->arguments */
     const char *path;   /* NULL: the option is not given */
     lg_file_use use;
-    const char *kind; /* of LG_FILE_WRITTEN: the attribute `kind` of the file, or several, joined by | */
+    const char *kind; /* of LG_FILE_WRITTEN: the attribute `kind` of the file */
 } app_path;
 /* Writes to `paths` (room for APP_SLOTS) the options that were given and whose rows set `file`. Returns their
  * number. */
@@ -410,10 +410,10 @@ void app_check_outputs(const app *app, const app_path *more, size_t count);
 bool app_begins(const app *app, const char *path, const char *data, size_t bytes, int lines);
 /* `replace` of the context (liegrad/core.h), for everything that a command writes; `user` is the app. A file
  * that exists is replaced only if it is an earlier result of the same kind, and a sentence on stderr says
- * so: a file in HDF5 that liegrad wrote, of the kind that app_check_outputs was told; a table with the same
- * first line and such rows as the command writes; another text with the same first line (of PNG this is its
- * signature). Every other file stays, and the status is LG_FILE. A file that this process has written, and an
- * empty one, may always be replaced. */
+ * so: a file in HDF5 that a command wrote, of the kind that app_check_outputs was told or of another command;
+ * a table with the same first line and such rows as the command writes; another text with the same first line
+ * (of PNG this is its signature). Every other file stays, and the status is LG_FILE. A file that this process
+ * has written, and an empty one, may always be replaced. */
 lg_status app_may_replace(void *user, const char *path, const void *data, size_t bytes, lg_error *error);
 /* Checks before the work that a text with this first line may be written to `path` (NULL: nothing is
  * checked; of a table that has this line alone, all columns are numbers). Ends the command otherwise.

@@ -245,16 +245,15 @@ bool app_begins(const app *self, const char *path, const char *data, size_t byte
     return same;
 }
 
-/* Returns whether liegrad wrote the file in HDF5, and its kind is in this list. */
+/* Returns whether liegrad wrote the file in HDF5, and its kind is this one or that of another command. Files
+ * with functions, which users' programs save, and kinds that users have named are theirs. */
 static bool is_of_kind(const app *self, const char *path, const char *kind) {
     bool ours = false;
     char found[64] = "";
     if (kind == NULL || app_had_memory(lg_file_is_ours(self->context, path, &ours, NULL)) != LG_OK || !ours)
         return false;
     (void)app_had_memory(lg_model_file_kind(self->context, path, NULL, found, sizeof found, NULL));
-    const char *at = strstr(kind, found);
-    return found[0] != '\0' && at != NULL && (at == kind || at[-1] == '|') &&
-           strchr("|", at[strlen(found)]) != NULL;
+    return strcmp(found, kind) == 0 || lg_h5_is_of_commands(found);
 }
 
 /* ---- tables that exist ---- */

@@ -151,10 +151,9 @@ static void check_files(app *self, const train_task *task) {
     const bool same = files->resume != NULL && app_same_file(files->resume, checkpoint);
     if (files->resume != NULL && !same) tidy(self, files->resume);
     self->continues = same;
-    const app_path paths[] = {
-        {"resume", same ? NULL : files->resume, LG_FILE_READ, NULL},
-        {"out", files->out, LG_FILE_WRITTEN, task->kind != NULL ? task->kind : task->recipe->name},
-        {"checkpoint", checkpoint, LG_FILE_WRITTEN, task->recipe->checkpoint}};
+    const app_path paths[] = {{"resume", same ? NULL : files->resume, LG_FILE_READ, NULL},
+                              {"out", files->out, LG_FILE_WRITTEN, task->recipe->name},
+                              {"checkpoint", checkpoint, LG_FILE_WRITTEN, task->recipe->checkpoint}};
     app_check_outputs(self, paths, LG_COUNT(paths));
     app_check_text(self, files->history, TRAIN_HISTORY "\n");
 }

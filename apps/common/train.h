@@ -36,7 +36,6 @@ typedef struct train_session train_session;
 
 typedef struct train_task {
     const lg_recipe *recipe;
-    const char *kind;             /* of files that --out may replace (app_path); NULL: the recipe's */
     const app_settings *settings; /* the command's settings; the first one describes the run */
     const char *const *searched;  /* the methods that a search may train, ended by NULL; NULL: all methods */
     /* Rejects options that cannot be combined. The message begins with an option. May be NULL. */

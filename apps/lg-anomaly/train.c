@@ -61,7 +61,6 @@ static void run_classical(const app *self) {
 /* ---- the command ---- */
 
 static void run_train(app *self) {
-    network_recipe.kind = "detector|classifier"; /* of the network and of the other methods */
     if (train_given.method == METHOD_CNN) {
         train_main(self, &network_recipe);
         return;

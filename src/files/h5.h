@@ -180,6 +180,8 @@ enum { LG_H5_KIND = 64 };
 lg_status lg_h5_kind(lg_h5 *h5, char text[LG_H5_KIND], lg_error *error);
 /* Says what a file of this kind is, for the end of a message. */
 const char *lg_h5_what_is(const char *kind);
+/* Whether a command writes files of this kind; those with functions (program) are also saved by users. */
+LG_API bool lg_h5_is_of_commands(const char *kind);
 /* Checks format, version and kind of the file. kind NULL accepts any kind. `foreign` also accepts files of
  * another format and files that name no format. */
 lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error *error);

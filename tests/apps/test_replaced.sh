@@ -306,8 +306,6 @@ continues lg-hamiltonian evaluate energy.h5 $in/data.h5 --record
 printf 'y\nmy only data\n' >$in/words.csv
 printf 'y\n0.1\n0.7\n' >$in/numbers.csv
 for mine in words numbers; do refuses p.csv "$work/in/$mine.csv" lg-fit predict $in/fit.h5 $in/table.csv --out p.csv; done
-refuses m.h5 "$work/in/energy.h5" lg-fit train $in/table.csv --outputs y --epochs 4 $one --out m.h5
-refuses m.h5 "$work/in/fit.h5" lg-control train $in/task.yaml --seeds 1 --race 2 --finish 0 --polish 0 --starts 64 --out m.h5
 
 # A link to an earlier result stays, also where the rows of the file are written one by one.
 keeps_link() {
