@@ -1,6 +1,5 @@
 /* The outcome of a training: verdict, results, JSON and plots. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "common/train.h"

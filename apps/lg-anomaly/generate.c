@@ -71,7 +71,6 @@ static void transpose(const float *samples, size_t windows, uint32_t channels, u
 
 static lg_status generate_run(void *user, size_t index, void *record, lg_error *error) {
     generating *self = user;
-    (void)record;
     lg_series *series = self->series;
     const size_t windows = self->windows_of_run, first = index * windows;
     const size_t count = windows * series->length;

@@ -1,6 +1,5 @@
 /* lg-elastica evaluate and predict: the errors of a network on curves, and the curves that it computes. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "common/verbs.h"

@@ -265,7 +265,6 @@ static void advance(const linear_model *linear, const lg_machine_log *log, size_
 static lg_status run_linear(const void *user, const lg_machine_log *log, const size_t *start, size_t count,
                             size_t steps, double *q, double *v, lg_error *error) {
     const linear_model *linear = user;
-    (void)error;
     const size_t nq = linear->machine->positions, nv = linear->machine->velocities;
     for (size_t i = 0; i < count; i++, q += (steps + 1) * nq, v += (steps + 1) * nv) {
         memcpy(q, log->q + start[i] * nq, nq * sizeof *q);

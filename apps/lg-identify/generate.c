@@ -7,7 +7,6 @@
 #include "liegrad/geometry.h"
 #include "machine/files/log_table.h"
 #include "machine/internal.h"
-#include "files/csv.h"
 
 typedef struct generate_values {
     const char *out, *excitation;

@@ -2,7 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "files/csv.h"
 #include "lg-identify/identify.h"
 
 typedef struct predict_values {

@@ -1,5 +1,4 @@
 /* Motions under constraints of the user: RATTLE, exact flows, samples. liegrad/constraint.h has formulas. */
-#include <float.h>
 #include <math.h>
 #include <string.h>
 

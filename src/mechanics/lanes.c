@@ -64,7 +64,6 @@ INLINE chain_numbers chain_of(const lane_problem *problem) {
 
 #define SEPARABLE(name, n)                                                                                   \
     INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
-        (void)problem;                                                                                       \
         name##_velocity_of(y + (n), out);                                                                    \
         name##_force_of(y, out + (n));                                                                       \
     }

@@ -2,7 +2,6 @@
  * within: [1, 10], sigma: 1}; of a lag with the key `order`, which actuators.c reads. */
 #include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "machine/files/reading.h"
 #include "machine/internal.h"

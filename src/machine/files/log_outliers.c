@@ -16,7 +16,6 @@
 #include <string.h>
 
 #include "core/median.h"
-#include "files/h5.h"
 #include "machine/files/log_table.h"
 
 enum { FEWEST = 20, BESIDE = 2, AROUND = 10, LONGEST = 2 };

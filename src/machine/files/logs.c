@@ -1,7 +1,6 @@
 /* Logs: cuts what was read into parts without gaps, cleans and checks it, and brings it into the machine's
  * order. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/median.h"

@@ -102,7 +102,6 @@ void lg_machine_tell_selection(lg_training *self) {
 /* ---- widths of networks ---- */
 
 static void write_width(const void *user, size_t index, lg_text *out) {
-    (void)user;
     lg_text_add(out, "hidden: [%s]\n", widths[index]);
 }
 

@@ -1,6 +1,5 @@
 /* Finds the terms that a log asks for: candidates are learned, and judged by free runs. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,7 +10,6 @@
 /* ---- the table of candidates ---- */
 
 static bool has_inputs(const lg_machine_file *file, const lg_candidate *self) {
-    (void)self;
     return file->machine.input_count > 0;
 }
 
