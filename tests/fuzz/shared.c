@@ -38,7 +38,7 @@ void fuzz_part(const uint8_t *data, size_t size) {
                          .record = PART_RECORD,
                          .take = take_record};
         lg_error error = {LG_OK, ""};
-        (void)trials_choose(&t, LG_FILE_TEXT);
+        (void)trials_choose(&t, NULL);
         const lg_status status = trials_open(&t, "fuzz", &error);
         refused(status, &error);
         if (time == 1 && (status != LG_OK || trials_known(&t) != PART_COUNT)) abort();
