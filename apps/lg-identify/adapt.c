@@ -254,7 +254,7 @@ static double value_of(const adapting *a, size_t k, double x) {
     if (count > LG_MACHINE_VALUES) count = LG_MACHINE_VALUES;
     for (size_t i = 0; i < count; i++)
         if (strcmp(numbers[i].name, a->to.names[k]) == 0) return numbers[i].value;
-    return (double)NAN;
+    return NAN;
 }
 
 static void report(const app *self, const adapting *a) {

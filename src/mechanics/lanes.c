@@ -27,7 +27,7 @@ typedef lanes number;
 INLINE lanes field_positive(lanes x) {
     const lanes zero = {0};
     const lane_test sound = lane_lt(zero, x) & lane_le(x, lie_all(DBL_MAX));
-    return lane_choose(sound, x, lie_all((double)NAN));
+    return lane_choose(sound, x, lie_all(NAN));
 }
 
 /* lg_chain on lanes: the parameters g, m, L, and the constants in the order of lg_chain_of. */

@@ -69,7 +69,7 @@ lg_status lg_machine_select_begin(lg_training *self, lg_error *error) {
     LG_TRAINING_ARRAY(self, s->best, self->problem.parameters, error);
     LG_TRAINING_ARRAY(self, s->square, s->held.count, error);
     s->self = self;
-    s->least = (double)INFINITY;
+    s->least = INFINITY;
     s->epoch = s->next = 0;
     s->checkpoint = options->checkpoint;
     s->on_epoch = options->on_epoch;
