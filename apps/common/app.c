@@ -308,7 +308,6 @@ static void parse_with_commands(app *self, int argc, char **argv, const char *su
 }
 
 static void print_version(FILE *stream, struct argp_state *state) {
-    (void)state;
     (void)fprintf(stream, "%s (liegrad) %s\n", running->program, lg_version());
 }
 
@@ -349,7 +348,6 @@ static void install_signals(void) {
 }
 
 static void on_hangup(int number) {
-    (void)number;
     hung_up = 1;
 }
 

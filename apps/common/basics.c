@@ -133,12 +133,10 @@ void app_free_kept(void) {
 }
 
 static void *take(void *user, size_t bytes) {
-    (void)user;
     return app_alloc(bytes, 1);
 }
 
 static void release(void *user, void *memory) {
-    (void)user;
     free(memory);
 }
 

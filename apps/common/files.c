@@ -2,7 +2,6 @@
 #include "common/app.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -230,7 +229,6 @@ lg_status app_claim(const app *self, const char *path, lg_error *error) {
 /* ---- files that exist ---- */
 
 bool app_begins(const app *self, const char *path, const char *data, size_t bytes, int lines) {
-    (void)self;
     size_t n = lines > 0 ? 0 : bytes;
     for (int i = 0; i < lines && n < bytes; i++) {
         const char *end = memchr(data + n, '\n', bytes - n);

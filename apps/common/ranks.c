@@ -114,7 +114,6 @@ static struct {
 } watch;
 
 static void *watch_thread(void *user) {
-    (void)user;
     const struct timespec pause = {0, 100000000};
     for (double waited = 0.0; waited < watch.silence; waited += 0.1) {
         if (atomic_load(&watch.over)) return NULL;

@@ -510,8 +510,8 @@ static void put_search(app_plot *plot, const void *user) {
     for (const lg_trial *at = search->trials; at < search->trials + search->count; at++) {
         const bool done = at->state == LG_TRIAL_DONE;
         if (done) best = fmin(best, at->objective);
-        APP_PLOT_ROW(plot, 9, (double)at->number, at->state == LG_TRIAL_PRUNED ? at->objective : (double)NAN,
-                     done ? at->objective : (double)NAN, best);
+        APP_PLOT_ROW(plot, 9, (double)at->number, at->state == LG_TRIAL_PRUNED ? at->objective : NAN,
+                     done ? at->objective : NAN, best);
     }
 }
 

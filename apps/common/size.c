@@ -1,6 +1,5 @@
 /* train --size auto: a race of networks of several widths, judged on a validation part of the data. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "common/train.h"

@@ -2,7 +2,6 @@
 #include "common/train.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 enum { CHECKPOINT_EVERY = 10 };
@@ -190,7 +189,6 @@ static bool save_state(train_session *self) {
 
 /* A checkpoint that cannot be written does not end the training, because the next one may succeed. */
 static lg_status on_checkpoint(void *user, const lg_fit *fit) {
-    (void)fit;
     (void)save_state(user);
     return LG_OK;
 }

@@ -35,7 +35,8 @@ typedef struct trials_values {
 
 enum { TRIALS_LABEL = 128, TRIALS_ARRAYS = 4 };
 
-/* Piece i of an array is the `each` bytes at offset i * each; the last piece may be shorter. */
+/* Piece i of an array is the `each` bytes at offset i * each; the last piece may be shorter, and ends
+ * at `total`. */
 typedef struct trials_array {
     void *data;
     size_t each, total;

@@ -1,7 +1,6 @@
 /* The commands train, search and evaluate, and the flow, of any kind of model. */
 #include "common/verbs.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 /* Checks the data arguments, which begin at argument number `first`. */

@@ -71,7 +71,6 @@ static void transpose(const float *samples, size_t windows, uint32_t channels, u
 
 static lg_status generate_run(void *user, size_t index, void *record, lg_error *error) {
     generating *self = user;
-    (void)record;
     lg_series *series = self->series;
     const size_t windows = self->windows_of_run, first = index * windows;
     const size_t count = windows * series->length;
@@ -171,7 +170,7 @@ static void report(const app *self, const lg_series_data *data, double seconds) 
 /* Simulates all runs, together with other processes if there are any. False: another process writes the
  * file. */
 static bool simulate(const app *self, size_t windows, lg_series *series, trials_work *made) {
-    const size_t runs = (size_t)values.runs, window = (size_t)series->channels * series->length;
+    const size_t window = (size_t)series->channels * series->length;
     generating what = {.app = self, .series = series, .windows_of_run = windows};
     char label[LG_SHA256_TEXT];
     APP_FREE char *text =
@@ -179,18 +178,15 @@ static bool simulate(const app *self, size_t windows, lg_series *series, trials_
                    values.hours, values.window, values.well.noise, values.well.housing, values.well.operation,
                    values.well.load_relief, values.well.severity, (unsigned long long)self->seed);
     trials_label(self, text, NULL, label);
-    made->count = runs;
+    made->count = (size_t)values.runs;
     made->array_count = 4;
     made->run = generate_run;
     made->user = &what;
-    const trials_array arrays[] = {{series->x, windows * window * sizeof *series->x, 0},
-                                   {series->label, windows * sizeof *series->label, 0},
-                                   {series->group, windows * sizeof *series->group, 0},
-                                   {series->run, windows * sizeof *series->run, 0}};
-    for (size_t k = 0; k < made->array_count; k++) {
-        made->arrays[k] = arrays[k];
-        made->arrays[k].total = runs * arrays[k].each;
-    }
+    /* All pieces have the same size. */
+    made->arrays[0] = (trials_array){series->x, windows * window * sizeof *series->x, SIZE_MAX};
+    made->arrays[1] = (trials_array){series->label, windows * sizeof *series->label, SIZE_MAX};
+    made->arrays[2] = (trials_array){series->group, windows * sizeof *series->group, SIZE_MAX};
+    made->arrays[3] = (trials_array){series->run, windows * sizeof *series->run, SIZE_MAX};
     APP_MUST_FILE(self, values.out, trials_open(made, label, &error));
     return trials_run(made);
 }

@@ -1,8 +1,6 @@
 /* The options of lg-anomaly train. */
 #include "lg-anomaly/train.h"
 
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* ---- hyperparameters that are not in lg_detector_run ---- */

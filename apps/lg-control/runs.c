@@ -105,9 +105,8 @@ static void write_runs(const app *self, const control_runs *runs, const char *pa
             lg_columns_number(&to, (double)k * runs->task->period);
             for (int part = 0; part < 2; part++)
                 lg_columns_numbers(&to, runs->seen[part] + row * runs->numbers[part], runs->numbers[part]);
-            for (size_t l = 0; l < m; l++)
-                lg_columns_number(&to, moved ? r->input[row * m + l] : (double)NAN);
-            lg_columns_number(&to, moved ? r->costs[row] : (double)NAN);
+            for (size_t l = 0; l < m; l++) lg_columns_number(&to, moved ? r->input[row * m + l] : NAN);
+            lg_columns_number(&to, moved ? r->costs[row] : NAN);
             lg_columns_end(&to);
         }
     APP_MUST_FILE(self, path, lg_columns_write(&to, self->context, path, &error));

@@ -34,7 +34,6 @@ static train_values values;
 static app_progress progress;
 
 static void show(void *user, const lg_policy_progress *now) {
-    (void)user;
     app_progress_show(&progress, now->step, "success %.3f, cost %.4g", now->success, now->cost);
 }
 

@@ -58,7 +58,7 @@ void boundary_rotations(double theta0, double thetaN, boundary *out) {
     const double middle = lg_elastica_wrap(thetaN - theta0);
     for (size_t k = 0; k < BOUNDARY_ROTATIONS; k++) out->rotation[k] = middle + 2 * LG_PI * turns[k];
     out->count = BOUNDARY_ROTATIONS;
-    out->chosen = (double)NAN;
+    out->chosen = NAN;
     out->problem.theta0 = theta0;
     out->problem.rotation = out->rotation[0];
 }

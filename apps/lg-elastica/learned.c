@@ -1,6 +1,5 @@
 /* lg-elastica evaluate and predict: the errors of a network on curves, and the curves that it computes. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "common/verbs.h"
@@ -229,7 +228,7 @@ static void report_curve(const app *self, const prediction *p) {
     if (predict_given.solve) {
         app_result_real(out, "max_error", p->max_error, "largest difference at the nodes");
         app_result_real(out, "mse", p->mse, NULL);
-        app_result_real(out, "energy", p->stiff ? p->truth.solution.energy : (double)NAN, NULL);
+        app_result_real(out, "energy", p->stiff ? p->truth.solution.energy : NAN, NULL);
         app_result_real(out, "rotation", p->truth.problem.rotation, NULL);
         app_result_real(out, "solve_seconds", p->solve_seconds, NULL);
     }

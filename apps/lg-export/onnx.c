@@ -140,7 +140,6 @@ static void build(const app *self, const char *path, lg_program *program, export
     }
     lg_text_destroy(&j.graph);
     graph_free(&g);
-    (void)path;
     app_must(self, status == LG_NOT_FINITE ? LG_FILE : status, &error);
 }
 

@@ -138,7 +138,6 @@ typedef struct generating {
 
 static lg_status make_piece(void *user, size_t piece, void *record, lg_error *error) {
     const generating *self = user;
-    (void)record;
     const size_t first = piece * self->each, rest = self->data->count - first;
     const size_t count = rest < self->each ? rest : self->each;
     return sample_part(self->app->context, self->scene, self->how, first, count, self->data, error);

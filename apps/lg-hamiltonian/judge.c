@@ -5,7 +5,6 @@
 
 #include <math.h>
 #include <stdatomic.h>
-#include <stdlib.h>
 #include <string.h>
 
 static const double RELATIVE_LEAST = 1e-8; /* added to each relative error */
@@ -58,7 +57,7 @@ void energies_of(const lg_model *learned, const double *states, size_t count, si
 
 /* Mean |d - mean d|; the mean is subtracted because H is determined only up to a constant. */
 static double energy_error(const lg_model *learned, const lg_trajectories *test) {
-    if (test->hamiltonian == NULL) return (double)NAN;
+    if (test->hamiltonian == NULL) return NAN;
     APP_FREE double *d = app_alloc(test->count, sizeof *d);
     double mean = 0, error = 0;
     energies_of(learned, test->data, test->count, test->points * test->state_dim, d);

@@ -118,7 +118,7 @@ static void integrate(const app *self, prediction *p) {
 }
 
 static double largest_difference(const prediction *p) {
-    if (p->truth == NULL) return (double)NAN;
+    if (p->truth == NULL) return NAN;
     double largest = 0;
     for (size_t i = 0; i < p->y.points * p->dim; i++)
         largest = fmax(largest, fabs(p->y.data[i] - p->truth[i]));

@@ -155,7 +155,7 @@ static lg_status do_run(void *user, size_t index, void *record, lg_error *error)
         status != LG_TOO_MANY_STEPS)
         return status;
     out->failed = true;
-    for (size_t k = 0; k < STUDY_SECONDS; k++) out->value[k] = (double)NAN;
+    for (size_t k = 0; k < STUDY_SECONDS; k++) out->value[k] = NAN;
     return LG_OK;
 }
 

@@ -182,7 +182,7 @@ study_summary study_summarise(const study_table *table, size_t cell, unsigned ax
             values[i] = table->results[list[i]].value[k];
             logarithm += log(values[i]);
         }
-        s.geometric[k] = n > 0 ? exp(logarithm / (double)n) : (double)NAN;
+        s.geometric[k] = n > 0 ? exp(logarithm / (double)n) : NAN;
         s.median[k] = lg_median(values, n);
     }
     return s;

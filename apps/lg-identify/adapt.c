@@ -152,13 +152,13 @@ static double loss_at_rest(const adapting *a) {
     const lg_machine_model_run *run = &a->to.run;
     const lg_machine *machine = &run->machine;
     const size_t nq = machine->positions, nv = machine->velocities;
+    const double *q = a->begin.q, *v = a->begin.v;
     double sum = 0;
-    size_t p = 0, v = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_kind kind = machine->coordinates[i].kind;
         const size_t width = lg_coordinate_positions(kind), rates = lg_coordinate_row_of(kind)->velocities;
         for (size_t k = 0; k < width + rates; k++) {
-            const double *x = k < width ? a->begin.q + p + k : a->begin.v + v + k - width,
+            const double *x = k < width ? q + k : v + k - width,
                          scale = k < width ? run->position_scale[i] : run->velocity_scale[i];
             double mean = 0, square = 0;
             size_t n = 0;
@@ -168,7 +168,7 @@ static double loss_at_rest(const adapting *a) {
             }
             if (n > 0) sum += square / (double)n - mean * mean / (double)(n * n);
         }
-        p += width, v += rates;
+        q += width, v += rates;
     }
     return sum;
 }
@@ -254,7 +254,7 @@ static double value_of(const adapting *a, size_t k, double x) {
     if (count > LG_MACHINE_VALUES) count = LG_MACHINE_VALUES;
     for (size_t i = 0; i < count; i++)
         if (strcmp(numbers[i].name, a->to.names[k]) == 0) return numbers[i].value;
-    return (double)NAN;
+    return NAN;
 }
 
 static void report(const app *self, const adapting *a) {

@@ -221,7 +221,7 @@ static double chi_square_above(double x) {
  * lag only if their rows differ by exactly this lag. */
 static void judge_whiteness(const double *x, const size_t *row, size_t n, identify_whiteness *out) {
     double mean = 0, square = 0, variance = 0;
-    *out = (identify_whiteness){(double)NAN, (double)NAN, (double)NAN, (double)NAN};
+    *out = (identify_whiteness){NAN, NAN, NAN, NAN};
     for (size_t i = 0; i < n; i++) mean += x[i] / (double)n, square += x[i] * x[i] / (double)n;
     for (size_t i = 0; i < n; i++) variance += (x[i] - mean) * (x[i] - mean) / (double)n;
     if (n < 4 * LAGS || !(variance > 0)) return;
@@ -274,7 +274,7 @@ void identify_balance(const app *self, const identify_given *given, double energ
     cut(given->model.machine, log, &all);
     APP_FREE size_t *end = app_alloc(all.count, sizeof *end);
     for (size_t i = 0; i < all.count; i++) end[i] = 3 * i + 2;
-    for (int k = 0; k < IDENTIFY_ENERGIES; k++) energy[k] = all.count > 0 ? 0 : (double)NAN;
+    for (int k = 0; k < IDENTIFY_ENERGIES; k++) energy[k] = all.count > 0 ? 0 : NAN;
     run_intervals(self, &given->model, &all);
     whiteness_of(&given->data, all.row, end, all.count, all.run_q, all.run_v, whiteness);
     balance(self, &given->model, log, &all, energy);

@@ -52,7 +52,7 @@ static double own_part(const lg_machine *machine, const lg_machine_log *log, boo
     const bool solved = count > 2 * n && variance > 1e-12 * square &&
                         lg_normal_equations(n, 1, 1e-12, matrix, right) == LG_OK;
     for (size_t i = 0; i < n; i++) explained += given[i] * right[i];
-    return solved ? sqrt(fmax(0, (square - explained) / variance)) : (double)NAN;
+    return solved ? sqrt(fmax(0, (square - explained) / variance)) : NAN;
 }
 
 static void warn_of_inputs(const app *self, const lg_machine_data *data) {

@@ -131,7 +131,7 @@ void identify_errors(const lg_machine_file *file, const double *q, const double 
     identify_to_columns(file, q, v, logged, predicted);
     for (uint32_t c = 0; c < file->column_count; c++) {
         const bool given = identify_is_state(&file->columns[c]) && !isnan(logged[c]);
-        const double error = given ? predicted[c] - logged[c] : (double)NAN;
+        const double error = given ? predicted[c] - logged[c] : NAN;
         out[c] = !given              ? error
                  : !isfinite(error)  ? INFINITY
                  : is_angle(file, c) ? lg_machine_wrap(error)
@@ -154,7 +154,7 @@ void identify_column_errors(const identify_given *given, const identify_runs *ru
             if (!isnan(error[c])) sum[c] += error[c] * error[c], count[c]++;
     }
     for (uint32_t c = 0; c < file->column_count; c++)
-        out[c] = count[c] > 0 ? sqrt(sum[c] / (double)count[c]) : (double)NAN;
+        out[c] = count[c] > 0 ? sqrt(sum[c] / (double)count[c]) : NAN;
 }
 
 /* ---- range of the training data ---- */

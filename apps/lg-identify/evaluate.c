@@ -205,7 +205,7 @@ static void fit_linear(const app *self, const lg_machine *machine, const lg_mach
     double left;
     *linear = (linear_model){.machine = machine,
                              .features = machine->positions + machine->velocities + machine->input_count + 1};
-    for (size_t i = 0; i < LG_COUNT(linear->A); i++) linear->A[i] = (double)NAN;
+    for (size_t i = 0; i < LG_COUNT(linear->A); i++) linear->A[i] = NAN;
     APP_MUST(self, lg_machine_unexplained(self->context, machine, log, linear->A, &left, &error));
 }
 
@@ -265,7 +265,6 @@ static void advance(const linear_model *linear, const lg_machine_log *log, size_
 static lg_status run_linear(const void *user, const lg_machine_log *log, const size_t *start, size_t count,
                             size_t steps, double *q, double *v, lg_error *error) {
     const linear_model *linear = user;
-    (void)error;
     const size_t nq = linear->machine->positions, nv = linear->machine->velocities;
     for (size_t i = 0; i < count; i++, q += (steps + 1) * nq, v += (steps + 1) * nv) {
         memcpy(q, log->q + start[i] * nq, nq * sizeof *q);
@@ -309,13 +308,13 @@ static void warn_of_horizons(const app *self, const verdict *v) {
 static void judge_linear(const app *self, const identify_given *given, linear_model *linear,
                          const lg_machine_log *states, double seconds, lg_horizon *out) {
     const lg_learned_machine *model = &given->model;
-    for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = (double)NAN;
+    for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = NAN;
     if (model->machine->accelerations) return;
     APP_MUST(self, lg_horizon_of(self->context, model->machine, run_linear, linear, 0, states,
                                  &given->data.logs.log, seconds, values.every, out, &error));
-    if (model->start_rows > 0) out->pooled[LG_ERROR_VELOCITY] = (double)NAN;
+    if (model->start_rows > 0) out->pooled[LG_ERROR_VELOCITY] = NAN;
     for (int e = 0; e < LG_RUN_ERRORS; e++)
-        if (out->pooled[e] >= 1e300) out->pooled[e] = (double)NAN;
+        if (out->pooled[e] >= 1e300) out->pooled[e] = NAN;
 }
 
 static void judge_horizons(const app *self, const identify_given *given, verdict *out) {
@@ -367,8 +366,8 @@ static void judge_relative(const lg_machine *machine, const lg_machine_log *data
         sum += mean;
         worst = fmax(worst, mean);
     }
-    out->relative = count > 0 ? exp(sum / (double)count) : (double)NAN;
-    out->relative_worst = count > 0 ? exp(worst) : (double)NAN;
+    out->relative = count > 0 ? exp(sum / (double)count) : NAN;
+    out->relative_worst = count > 0 ? exp(worst) : NAN;
 }
 
 static void warn_of_runs(const app *self, const lg_machine_file *file, const verdict *v) {
@@ -402,7 +401,7 @@ static void deny_whiteness(const lg_machine_file *file, verdict *v) {
 
 /* What needs logged states: constant forces that runs integrate, and the balance of energy. */
 static void judge_states(const app *self, const identify_given *given, verdict *out) {
-    for (int k = 0; k < IDENTIFY_ENERGIES; k++) out->energy[k] = (double)NAN;
+    for (int k = 0; k < IDENTIFY_ENERGIES; k++) out->energy[k] = NAN;
     if (given->model.machine->accelerations) return;
     identify_find_offsets(self, given, &out->runs, out->offsets);
     warn_of_offsets(self, given->model.machine, out);
@@ -449,7 +448,7 @@ static void draw(const app *self, const identify_given *given, const verdict *v)
 
 static void run(app *self) {
     APP_CLEAN(identify_given_destroy) identify_given given = {.model = {.machine = NULL}};
-    verdict v = {.relative = (double)NAN, .relative_worst = (double)NAN};
+    verdict v = {.relative = NAN, .relative_worst = NAN};
     identify_load(self, values.substeps, values.start_rows, &given);
     const uint32_t window = values.window > 0 ? (uint32_t)values.window : given.file.run.window;
     APP_MUST(self,

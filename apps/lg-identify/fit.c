@@ -32,7 +32,6 @@ static const app_settings settings[] = {{lg_machine_model_fields, &run, sizeof r
 
 static void print(const lg_training *training) {
     const lg_machine_verdict *what = &state.verdict;
-    (void)training;
     if (what->count > 0 && what->placed) app_put(stdout, "mass: of a network, %s\n", what->place);
     if (what->count > 0 && what->identified.block > 0.0)
         app_put(stdout, "errors are corrected for correlation: blocks of %.3g s of the residuals\n",

@@ -7,7 +7,6 @@
 #include "liegrad/geometry.h"
 #include "machine/files/log_table.h"
 #include "machine/internal.h"
-#include "files/csv.h"
 
 typedef struct generate_values {
     const char *out, *excitation;
@@ -102,7 +101,7 @@ static size_t find_form(void) {
         if (rest[0] == '\0') break;
         if (rest[0] != ':' || forms[form].fill == NULL) continue;
         const bool number = lg_number_parse(rest + 1, &values.after_colon) == LG_OK;
-        if (!number || !(values.after_colon > 0)) values.after_colon = (double)NAN;
+        if (!number || !(values.after_colon > 0)) values.after_colon = NAN;
         break;
     }
     return form;

@@ -50,7 +50,7 @@ static void put_row(app_plot *plot, const lg_machine_file *file, const lg_machin
     identify_to_columns(file, log->q + row * nq, lg_log_shown(log) + row * nv, logged, logged);
     for (uint32_t c = 0; c < n; c++) {
         if (file->columns[c].role == LG_LOG_INPUT) logged[c] = log->u[row * 4 * m + file->columns[c].index];
-        predicted[c] = (double)NAN;
+        predicted[c] = NAN;
     }
     if (runs != NULL) identify_to_columns(file, runs->q + row * nq, runs->v + row * nv, logged, predicted);
     const double *bands = runs != NULL && runs->bands != NULL ? runs->bands + row * n : NULL;

@@ -2,7 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "files/csv.h"
 #include "lg-identify/identify.h"
 
 typedef struct predict_values {
@@ -106,7 +105,7 @@ static double input_of(const void *user, size_t part, size_t row, uint32_t input
     const lg_machine_data *data = user;
     const lg_machine_log *log = &data->logs.log;
     const size_t from = row + data->logs.delay[input], each = 4 * data->file.machine.input_count;
-    return from < log->first[part + 1] ? log->u[from * each + input] : (double)NAN;
+    return from < log->first[part + 1] ? log->u[from * each + input] : NAN;
 }
 
 /* ---- the command ---- */

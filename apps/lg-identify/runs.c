@@ -37,7 +37,7 @@ void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_g
 }
 
 void identify_put_start_rows(app_json *json, const lg_learned_machine *model) {
-    app_result_known(json, "start_rows", model->start_rows > 0 ? model->start_rows : (double)NAN,
+    app_result_known(json, "start_rows", model->start_rows > 0 ? model->start_rows : NAN,
                      "rows that estimate the state at a start");
 }
 
@@ -101,7 +101,7 @@ void identify_leave_out(const lg_learned_machine *model, const lg_machine_log *l
     for (size_t i = 0; i < runs->count; i++)
         for (size_t row = runs->start[i]; row < runs->start[i] + model->start_rows && row < log->rows;
              row++) {
-            for (size_t k = 0; k < nq; k++) runs->q[row * nq + k] = (double)NAN;
-            for (size_t k = 0; k < nv; k++) runs->v[row * nv + k] = (double)NAN;
+            for (size_t k = 0; k < nq; k++) runs->q[row * nq + k] = NAN;
+            for (size_t k = 0; k < nv; k++) runs->v[row * nv + k] = NAN;
         }
 }

@@ -49,14 +49,11 @@ typedef struct functional {
 
 static lg_status bind(void *user, lg_tape *tape, lg_var parameters, lg_taped_ode *ode) {
     functional *self = user;
-    (void)tape;
     return lg_system_taped_ode(self->sim->system, self->coordinates, parameters, ode, &self->user);
 }
 
 static lg_status source(void *user, size_t n, double t, const double *y, double *slope) {
     const functional *self = user;
-    (void)t;
-    (void)y;
     if (app_interrupted()) return LG_CANCELLED;
     for (size_t i = 0; n == self->steps && i < self->sim->dim; i++) slope[i] += self->weights[i];
     return LG_OK;

@@ -100,8 +100,6 @@ static void widen(const sizes *self, const double *x, const double *y, double *i
 
 static lg_status look_at_sizes(void *user, double t, double h, const double *y) {
     const sizes *self = user;
-    (void)t;
-    (void)h;
     widen(self, y, NULL, self->largest);
     return LG_OK;
 }

@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "core/median.h"
-#include "kernels/kernels.h"
 #include "kernels/lapack.h"
 #include "anomaly/judge.h"
 #include "anomaly/novelty_internal.h"

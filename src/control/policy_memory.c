@@ -126,7 +126,6 @@ static lg_status record_positions(void *user, lg_tape *tape, const lg_var *theta
     static lg_status function(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,              \
                               lg_var *out) {                                                                 \
         const lg_var plant = lg_policy_plant_part(tape, user, in[0]);                                        \
-        (void)theta;                                                                                         \
         out[0] = lg_program_call(tape, name, 0, &plant);                                                     \
         return lg_tape_status(tape);                                                                         \
     }

@@ -333,7 +333,6 @@ static lg_status run_period(lg_tape *tape, const lg_policy *p, bool disturbed, b
 #define RUN(function, disturbed, regulated)                                                                  \
     static lg_status function(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,              \
                               lg_var *out) {                                                                 \
-        (void)theta;                                                                                         \
         return run_period(tape, user, disturbed, regulated, in, out);                                        \
     }
 RUN(record_closed, false, false)

@@ -124,7 +124,7 @@ static lg_status check(const lg_policy *p, lg_error *error) {
 
 /* A lower bound of the least eigenvalue of the symmetric part of D (3, 3): the diagonal less the row sums. */
 static double least_damping(const double *D) {
-    double least = (double)INFINITY;
+    double least = INFINITY;
     for (int i = 0; i < TURN; i++) {
         double row = D[i * (TURN + 1)];
         for (int j = 0; j < TURN; j++)

@@ -268,7 +268,7 @@ static size_t find_near(const trained_set *set, size_t but, const double *x, dou
 /* Squared distance from the nearest condition. */
 static double nearest(const trained_set *set, size_t but, const double *x, double sign) {
     double near[NEAR][6], square[NEAR];
-    return find_near(set, but, x, sign, near, square) > 0 ? square[0] : (double)INFINITY;
+    return find_near(set, but, x, sign, near, square) > 0 ? square[0] : INFINITY;
 }
 
 /* Squared distance from the family: from the lines through two of the nearest conditions, each line extended
@@ -276,7 +276,7 @@ static double nearest(const trained_set *set, size_t but, const double *x, doubl
 static double off_family(const trained_set *set, size_t but, const double *x, double sign) {
     double near[NEAR][6], square[NEAR];
     const size_t count = find_near(set, but, x, sign, near, square);
-    double least = count > 0 ? square[0] : (double)INFINITY;
+    double least = count > 0 ? square[0] : INFINITY;
     for (size_t i = 0; i < count; i++)
         for (size_t j = 0; j < i; j++) {
             double way[6], foot[6];

@@ -1,5 +1,4 @@
 /* What the losses of all surrogates need: curves of the data, and their energies and residuals. */
-#include "core/core.h"
 #include "liegrad/ops.h"
 #include "elastica/surrogate_loss.h"
 

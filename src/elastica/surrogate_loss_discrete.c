@@ -1,7 +1,6 @@
 /* Training loss of the discrete network: values at the nodes, or coefficients of modes. */
 #include <math.h>
 
-#include "core/core.h"
 #include "liegrad/ops.h"
 #include "elastica/surrogate_loss.h"
 

@@ -7,7 +7,6 @@
  * e_k^2. */
 #include <math.h>
 
-#include "core/core.h"
 #include "liegrad/ops.h"
 #include "elastica/surrogate_internal.h"
 

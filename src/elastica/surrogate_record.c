@@ -1,6 +1,5 @@
 /* Computes the numbers of a curve from the output of the discrete network: directly, from modes, or from
  * angles. */
-#include "core/core.h"
 #include "elastica/surrogate_internal.h"
 #include "model/record.h"
 

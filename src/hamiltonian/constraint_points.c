@@ -69,7 +69,7 @@ static void row_sizes(lg_constraint_work *work, const double *q, double *size) {
         for (size_t i = 0; i < n; i++)
             memcpy(hessian + i * n, work->bends + (i * m + a) * n, n * sizeof *hessian);
         size[a] = fmax(lg_matrix_norm(n, work->G + a * n), work->size * lg_matrix_norm(n * n, hessian));
-        if (!all_finite(n * n, hessian)) size[a] = (double)NAN;
+        if (!all_finite(n * n, hessian)) size[a] = NAN;
     }
 }
 
@@ -106,7 +106,7 @@ static double rank_of(lg_constraint_work *work, const double *q) {
     double size[MOST], A[MOST * MOST];
     row_sizes(work, q, size);
     for (size_t a = 0; a < m; a++) {
-        if (isnan(size[a])) return (double)NAN;
+        if (isnan(size[a])) return NAN;
         for (size_t i = 0; i < n; i++) A[a * n + i] = size[a] > 0.0 ? work->G[a * n + i] / size[a] : 0.0;
     }
     return smallest_singular(m, n, A);

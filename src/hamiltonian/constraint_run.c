@@ -1,5 +1,4 @@
 /* Motions under constraints of the user: RATTLE, exact flows, samples. liegrad/constraint.h has formulas. */
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -28,7 +27,7 @@ lg_status lg_constraint_energy(const lg_constraint *constraint, const double *st
     memcpy(u, state + n, n * sizeof *u);
     LG_TRY(lg_constraint_begin(constraint, 0.0, state, &work, error));
     lg_constraint_normals(&work, state);
-    if (!lg_constraint_clear(&work, constraint->inverse, u)) u[0] = (double)NAN;
+    if (!lg_constraint_clear(&work, constraint->inverse, u)) u[0] = NAN;
     lg_plan_eval(constraint->potential, (const void *[]){state}, (void *[]){&H}, work.plans);
     lg_constraint_end(&work);
     lg_matrix_multiply(n, 1, n, constraint->inverse, u, v);

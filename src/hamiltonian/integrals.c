@@ -2,7 +2,6 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 

@@ -91,7 +91,7 @@ static double size_of(const momenta *m) {
 static double noise_of(const momenta *m) {
     const size_t j = m->points > 3 ? 1 : 0; /* often the first point alone has no noise */
     double sum = 0.0;
-    if (m->points < 3) return (double)INFINITY;
+    if (m->points < 3) return INFINITY;
     for (size_t i = 0; i < m->n; i++)
         for (size_t c = 0; c < m->k; c++) {
             const double *at = m->J + (i * m->points + j) * m->k + c;

@@ -3,7 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 

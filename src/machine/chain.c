@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
-#include "liegrad/geometry.h"
 #include "machine/chain.h"
 
 /* ---- memory ---- */

@@ -148,7 +148,7 @@ static lg_status taken(expecting *e, double *values, double *out) {
     for (size_t i = 0; i < e->problem.machine->weights; i++) e->J[i * n + i] += e->unit;
     add_priors(e);
     const lg_status status = lg_machine_eigen(e->context, n, e->J, values);
-    if (status == LG_NOT_FINITE) *out = (double)INFINITY;
+    if (status == LG_NOT_FINITE) *out = INFINITY;
     if (status != LG_OK) return status == LG_NOT_FINITE ? LG_OK : status;
     for (size_t k = 0; k < n; k++) {
         const double *v = e->J + k * n;

@@ -1,7 +1,6 @@
 /* Machines: the features that terms take from a state, and building blocks for recording terms. */
 #include <string.h>
 
-#include "core/core.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 

@@ -2,7 +2,6 @@
  * learned matrices D are L L^T, so that v.f <= 0. */
 #include <stdio.h>
 
-#include "core/core.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
@@ -114,7 +113,6 @@ static void drag_entry(const lg_machine *machine, const char *what, int power, u
 #define DRAG_ENTRY(name, power)                                                                              \
     static void name##_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,         \
                              lg_entry_about *out) {                                                          \
-        (void)term;                                                                                          \
         drag_entry(machine, #name, power, index, out);                                                       \
     }
 DRAG_ENTRY(coulomb, 0)

@@ -94,7 +94,7 @@ bool lg_grey_known(const lg_machine *machine) {
 /* The default of number i of an entry; NaN if it has none. */
 static double fallback_of(const lg_parameter_entry *p, size_t i, bool unknown) {
     if (p->fallback != NULL) return p->fallback[p->count > 0 ? i : 0];
-    return unknown && p->rule == LG_PARAMETER_POSITIVE ? 1.0 : (double)NAN;
+    return unknown && p->rule == LG_PARAMETER_POSITIVE ? 1.0 : NAN;
 }
 
 static lg_status check_entry(const lg_machine *machine, const lg_parameter_entry *p, lg_error *error) {
@@ -148,7 +148,7 @@ lg_status lg_machine_set_parameter(lg_machine *machine, const char *key, size_t 
     const uint32_t at = place_of(machine, p);
     for (size_t i = 0; i < n; i++) {
         const bool open = unknown != NULL && unknown[count > 0 ? i : 0];
-        const double value = count > 0 ? values[i] : (double)NAN;
+        const double value = count > 0 ? values[i] : NAN;
         changed.grey.unknown[at + i] = open;
         changed.grey.start[at + i] = isnan(value) ? fallback_of(p, i, open) : value;
     }

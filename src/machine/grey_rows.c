@@ -1,5 +1,4 @@
 /* The table of systems. The functions of a row record M and V on a tape, in the units of the log. */
-#include "core/core.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 

@@ -291,7 +291,7 @@ static void propagate(const normal *s, const double *W, size_t count, double *gr
             variance += g[k] * g[k];
         }
         numbers[i].error = sqrt(variance);
-        if (!(numbers[i].error <= lost * largest)) numbers[i].error = (double)INFINITY;
+        if (!(numbers[i].error <= lost * largest)) numbers[i].error = INFINITY;
         units[i] = fmax(fmax(fabs(numbers[i].value), small * largest), DBL_MIN);
     }
 }
@@ -309,7 +309,7 @@ static void mark_lost(const normal *s, size_t count, double *gradient, double *t
             depends = moved[i].value != numbers[i].value;
         }
         if (!depends) continue;
-        numbers[i].error = (double)INFINITY;
+        numbers[i].error = INFINITY;
         units[i] = 1.0;
         for (size_t j = 0; j < s->n; j++) g[j] = 0.0;
     }

@@ -147,7 +147,7 @@ static lg_status add_floor(lg_tape *tape, lg_chain *c, run *x, double *floor) {
     c->problem = &twice;
     if (status == LG_OK) status = solve_run(tape, x, &found[1]);
     c->problem = once;
-    if (!found[0] || !found[1]) *floor = (double)NAN;
+    if (!found[0] || !found[1]) *floor = NAN;
     for (uint32_t j = lg_chain_first(once); status == LG_OK && j < once->window; j++) {
         lg_machine_weigh_row(once, lg_chain_row(c, 0, j), factor, weight, weight + once->machine->positions);
         for (size_t i = 0, k = j * c->axes.numbers; i < c->axes.numbers; i++, k++) {

@@ -56,7 +56,7 @@ static void measure(const lg_machine_problem *problem, size_t windows, double *m
  * infinite. */
 static double nearest(const lg_machine_problem *problem, size_t windows, const double *to,
                       const double *variance, size_t *at) {
-    double x[MOST] = {0.0}, least = (double)INFINITY;
+    double x[MOST] = {0.0}, least = INFINITY;
     for (size_t i = 0; i < windows; i++) {
         const uint32_t count = embed(problem->machine, start_of(problem, i), x);
         double square = 0.0;

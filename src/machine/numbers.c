@@ -2,7 +2,6 @@
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
-#include <string.h>
 
 #include "core/core.h"
 #include "liegrad/ops.h"
@@ -16,14 +15,14 @@ void lg_numbers_put(lg_number_list *l, double value, const char *format, ...) {
         (void)lg_format_list(each->name, sizeof each->name, format, arguments);
         va_end(arguments);
         each->value = value;
-        each->error = (double)NAN;
+        each->error = NAN;
     }
     l->count++;
 }
 
 void lg_numbers_read(lg_number_list *l, lg_var x, size_t count, double *out) {
     if (l->status == LG_OK) l->status = lg_read(l->tape, x, count, out);
-    for (size_t i = 0; i < count && l->status != LG_OK; i++) out[i] = (double)NAN;
+    for (size_t i = 0; i < count && l->status != LG_OK; i++) out[i] = NAN;
 }
 
 void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size) {

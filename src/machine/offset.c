@@ -2,7 +2,6 @@
 #include <stdio.h>
 
 #include "autodiff/tape/tape_internal.h"
-#include "core/core.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 

@@ -1,5 +1,4 @@
 /* Machines: kinds of potential energy. All except the network are linear in their parameters. */
-#include "core/core.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 

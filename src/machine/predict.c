@@ -38,7 +38,7 @@ static lg_status begin(lg_tape *tape, const runs *r, lg_machine_vars *vars, lg_m
 
 /* NaN marks rows that are not predicted. */
 static double mark(double x) {
-    return isnan(x) ? (double)INFINITY : x;
+    return isnan(x) ? INFINITY : x;
 }
 
 /* Writes point `step` of all runs in the log's units; keeps the scaled states in r->state for the next
@@ -131,8 +131,8 @@ lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machi
     if ((count == 0 && !to_end) || count > UINT32_MAX || substeps == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "free runs need at least one start and one substep");
     LG_TRY(lg_machine_space(machine, &space));
-    if (to_end) fill(positions, log->rows * machine->positions, (double)NAN);
-    if (to_end) fill(velocities, log->rows * machine->velocities, (double)NAN);
+    if (to_end) fill(positions, log->rows * machine->positions, NAN);
+    if (to_end) fill(velocities, log->rows * machine->velocities, NAN);
     if (count == 0) return LG_OK;
     LG_TRY_SCRATCH(double, state, context, count *(space.dim + machine->positions + machine->velocities),
                    lg_no_memory(error));

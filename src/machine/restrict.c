@@ -118,7 +118,7 @@ typedef struct adapting {
 static lg_status settle(lg_fit *fit, double *loss_at, lg_error *error) {
     static const double settled = 1e-6;
     double before;
-    *loss_at = (double)INFINITY;
+    *loss_at = INFINITY;
     do {
         before = *loss_at;
         LG_TRY(lg_fit_run(fit, error));
@@ -174,7 +174,7 @@ static lg_status tell_errors(const adapting *a, double *work, lg_machine_adapted
             alone += along * along;
             both += along * along / (1.0 + fmax(values[j], 0.0));
         }
-        out->alone[i] = sqrt(alone) <= lost ? sqrt(alone) : (double)INFINITY;
+        out->alone[i] = sqrt(alone) <= lost ? sqrt(alone) : INFINITY;
         out->error[i] = sqrt(both);
     }
     return LG_OK;

@@ -141,8 +141,9 @@ lg_status lg_chain_momenta(const lg_system *system, const double *from, double *
 lg_status lg_chain_velocities(const lg_system *system, const double *from, double *to, double *work) {
     LG_TRY(check_chain(system, from, to, work));
     const lg_chain chain = lg_chain_of(system);
-    LG_TRY(lg_chain_velocity_of_momentum(&chain, from, work, work + 3 * chain.links));
+    double *v = work, *g = v + 3 * chain.links;
+    LG_TRY(lg_chain_gradient(&chain, from, v, g, g + 3 * chain.links));
     if (to != from) memcpy(to, from, 6 * chain.links * sizeof(*to));
-    lg_chain_omega_of_velocity(chain.links, work, to);
+    lg_chain_omega_of_velocity(chain.links, v, to);
     return LG_OK;
 }

@@ -75,18 +75,6 @@ void lg_chain_momentum_of_velocity(const lg_chain *chain, const double *v, doubl
  * g_i = -lambda_i v_i + dV/dq_i. work: 12k doubles. LG_NOT_FINITE: a pivot is not positive (NaN in y, or a
  * link of length 0); v and g are then undefined. */
 lg_status lg_chain_gradient(const lg_chain *chain, const double *y, double *v, double *g, double *work);
-/* The same for a y that may lie off the manifold: the gradients of T + V, where T extends the kinetic energy,
- *   T = 1/2 p^T W p + 1/2 u^T S^-1 r,
- *   S_il = delta_il (1 - |q_i|^2)/m_ii + W_il G_il,  r_i = q_i.p_i/m_ii - u_i
- * (k = 1: T = |p|^2/(2 m_11) everywhere). On the manifold T is the kinetic energy, and the vector field is
- * the same as with lg_chain_gradient, although v and g differ by parts that do not change the field.
- * LG_NOT_FINITE: S is not positive definite. */
-lg_status lg_chain_gradient_extended(const lg_chain *chain, const double *y, double *v, double *g,
-                                     double *work);
-/* v_i = dH/dp_i for the state y = (q_1, p_1, ...). work: CHAIN_MOMENTUM_WORK k doubles; on return its first
- * 3k are dH/dq_i. */
-lg_status lg_chain_velocity_of_momentum(const lg_chain *chain, const double *y, double *v, double *work);
-enum { CHAIN_MOMENTUM_WORK = 15 };
 
 /* The angular momentum about e3, sum_l m_l e3.(x_l x x_l'), from q_i at y + 6 i and v. */
 double lg_chain_vertical_momentum(const lg_chain *chain, const double *y, const double *v);
@@ -100,9 +88,8 @@ void lg_chain_nodes(const lg_chain *chain, const double *y, const double *v, dou
 lg_status lg_chain_plane_start(const lg_chain *chain, lg_rng *rng, double *y, double *v);
 
 /* One step of SHAKE and RATTLE, in place on q_i at y + 6 i and on the velocities v; both are untouched on
- * failure. work: CHAIN_STEP_WORK k doubles. */
+ * failure. work: 11k doubles. */
 lg_status lg_chain_rattle(const lg_chain *chain, double h, double *y, double *v, double *work);
-enum { CHAIN_STEP_WORK = 11 };
 
 /* The LIE fields on a tape. */
 lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,

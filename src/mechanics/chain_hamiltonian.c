@@ -23,12 +23,6 @@ lg_status lg_chain_gradient(const lg_chain *chain, const double *y, double *v, d
     return sound(split_work(chain->links, memory).lambda);
 }
 
-lg_status lg_chain_gradient_extended(const lg_chain *chain, const double *y, double *v, double *g,
-                                     double *memory) {
-    gradient_extended_of(chain, y, v, g, memory);
-    return sound(split_work(chain->links, memory).lambda);
-}
-
 static double hamiltonian(const lg_chain *chain, const double *y, double *memory) {
     chain_work work = split_work(chain->links, memory);
     solve_extended(chain, y, &work);
@@ -50,10 +44,6 @@ static double vertical_momentum(const lg_chain *chain, const double *y) {
 static double invariant(const lg_system *system, size_t index, const double *y, double *work) {
     const lg_chain chain = lg_chain_of(system);
     return index == 0 ? hamiltonian(&chain, y, work) : vertical_momentum(&chain, y);
-}
-
-lg_status lg_chain_velocity_of_momentum(const lg_chain *chain, const double *y, double *v, double *work) {
-    return lg_chain_gradient(chain, y, v, work, work + 3 * chain->links);
 }
 
 /* ---- vector fields ---- */
@@ -88,8 +78,9 @@ static lg_status step(void *user, double t, double h, double *y) {
 
 static lg_status observe(const lg_system *system, const double *y, double *out, double *work) {
     const lg_chain chain = lg_chain_of(system);
-    LG_TRY(lg_chain_velocity_of_momentum(&chain, y, work, work + 3 * chain.links));
-    lg_chain_nodes(&chain, y, work, out);
+    double *v = work, *g = v + 3 * chain.links;
+    LG_TRY(lg_chain_gradient(&chain, y, v, g, g + 3 * chain.links));
+    lg_chain_nodes(&chain, y, v, out);
     return LG_OK;
 }
 

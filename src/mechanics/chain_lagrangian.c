@@ -78,7 +78,7 @@ static const lg_state_entry state[] = {
 const lg_system_row lg_system_row_chain_lagrangian = {
     .form = "lagrangian",
     .structure = LG_STRUCTURE_LAGRANGIAN,
-    .work = 3 + CHAIN_MOMENTUM_WORK, /* as much as lg_chain_velocities needs, which needs the most */
+    .work = 6 + 12, /* as much as lg_chain_velocities needs, which needs the most: v and g, then chain_work */
     .field = {[LG_COORDINATES_LIE] = field_lie, [LG_COORDINATES_AMBIENT] = field_ambient},
     .step = step,
     .lanes = LG_LANES_CHAIN_LAGRANGIAN,

@@ -27,7 +27,7 @@ typedef lanes number;
 INLINE lanes field_positive(lanes x) {
     const lanes zero = {0};
     const lane_test sound = lane_lt(zero, x) & lane_le(x, lie_all(DBL_MAX));
-    return lane_choose(sound, x, lie_all((double)NAN));
+    return lane_choose(sound, x, lie_all(NAN));
 }
 
 /* lg_chain on lanes: the parameters g, m, L, and the constants in the order of lg_chain_of. */
@@ -64,7 +64,6 @@ INLINE chain_numbers chain_of(const lane_problem *problem) {
 
 #define SEPARABLE(name, n)                                                                                   \
     INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
-        (void)problem;                                                                                       \
         name##_velocity_of(y + (n), out);                                                                    \
         name##_force_of(y, out + (n));                                                                       \
     }

@@ -5,8 +5,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "liegrad/ops.h"
-
 static const lg_system_row *const rows[] = {
     &lg_system_row_oscillator,       &lg_system_row_quartic,           &lg_system_row_coupled,
     &lg_system_row_chain_lagrangian, &lg_system_row_chain_hamiltonian, &lg_system_row_rigid_body,

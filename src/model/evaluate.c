@@ -1,5 +1,4 @@
 /* Models in a control loop: runs plans of functions; value and Jacobian. */
-#include "core/core.h"
 #include "model/internal.h"
 
 size_t lg_model_input_dim(const lg_model *model) {

@@ -45,21 +45,18 @@ lg_status lg_model_machine_positions(const lg_model *model, const double *state,
 
 static lg_status ode_field(void *user, double t, const double *y, const double *input, double *algebra) {
     const lg_model_user *self = user;
-    (void)t;
     return lg_model_field(self->model, y, input, algebra, self->work);
 }
 
 static lg_status ode_force(void *user, double t, const double *q, const double *input, double *out) {
     const lg_model_user *self = user;
     const double *const x[] = {q, input != NULL ? input : lg_model_no_input(self->model, self->work)};
-    (void)t;
     lg_model_run(self->model, LG_MODEL_FORCE, x, &out, self->work);
     return LG_OK;
 }
 
 static lg_status ode_drift(void *user, double t, const double *p, const double *input, double *out) {
     const lg_model_user *self = user;
-    (void)t, (void)input;
     lg_model_run(self->model, LG_MODEL_DRIFT, &p, &out, self->work);
     return LG_OK;
 }

@@ -222,7 +222,7 @@ static lg_status full_loss(lg_fit *fit, double *value, lg_error *error) {
         status = lg_fit_gradient_failure(fit, what, error);
     if (status == LG_NOT_FINITE && !first) {
         (void)lg_fail(error, LG_OK, "%s", "");
-        *value = (double)NAN;
+        *value = NAN;
         return LG_OK;
     }
     LG_TRY(status);

@@ -8,7 +8,6 @@
 #include <inttypes.h>
 #include <string.h>
 
-#include "autodiff/tape/tape_internal.h"
 #include "nn/fit_internal.h"
 
 /* ---- the tree of sums ---- */

@@ -49,7 +49,7 @@ lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes, uint32_t h
         for (uint32_t j = 0; j < classes; j++) all += (double)confusion[(size_t)i * classes + j];
     }
     m.accuracy = ratio(right, all);
-    m.false_positive_rate = (double)NAN;
+    m.false_positive_rate = NAN;
     if (healthy < classes) {
         const uint64_t *row = confusion + (size_t)healthy * classes;
         for (uint32_t j = 0; j < classes; j++) normal += (double)row[j];
@@ -73,7 +73,7 @@ lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes, uint32_t h
 
 /* The number that scores are sorted by. NaN becomes -infinity: such a window is called positive last. */
 static double key_of(double score) {
-    return isnan(score) ? -(double)INFINITY : score;
+    return isnan(score) ? -INFINITY : score;
 }
 
 /* Moves order[root] down in the heap order[0..count-1], which has the lowest score at its top. */
@@ -108,7 +108,7 @@ static size_t count_points(const uint32_t *truth, const double *score, size_t n,
     size_t points = 1;
     sort_falling(order, score, n);
     alarms[0] = hits[0] = 0.0;
-    threshold[0] = (double)INFINITY;
+    threshold[0] = INFINITY;
     for (size_t i = 0; i < n; points++) {
         threshold[points] = key_of(score[order[i]]);
         alarms[points] = alarms[points - 1];
@@ -146,6 +146,6 @@ lg_status lg_metrics_auc(const lg_context *context, const uint32_t *truth, const
         if (all > 0.0) sum += pairs / all;
         areas += all > 0.0;
     }
-    *auc = areas > 0 ? sum / areas : (double)NAN;
+    *auc = areas > 0 ? sum / areas : NAN;
     return LG_OK;
 }

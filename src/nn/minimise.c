@@ -440,7 +440,7 @@ static bool tell_search(lg_minimiser *m, double value, const double *gradient) {
         lg_minimise_finish(m, LG_MINIMISE_UNBOUNDED);
         return false;
     }
-    const double slope = finite ? m->k->dot(m->n, gradient, m->d) : (double)NAN;
+    const double slope = finite ? m->k->dot(m->n, gradient, m->d) : NAN;
     const lg_search_verdict verdict = lg_minimise_search_tell(m, finite ? value : INFINITY, slope);
     if (verdict == LG_SEARCH_ON) set_point(m, m->numbers.alpha, m->d);
     if (verdict == LG_SEARCH_FAIL) fail_search(m);
@@ -491,6 +491,6 @@ lg_minimise_result lg_minimiser_result(const lg_minimiser *m) {
     return (lg_minimise_result){.end = (lg_minimise_end)m->counts.end,
                                 .evaluations = m->counts.evaluations,
                                 .iterations = m->counts.iterations,
-                                .value = m->counts.evaluations > 0 ? m->numbers.value : (double)NAN,
+                                .value = m->counts.evaluations > 0 ? m->numbers.value : NAN,
                                 .gradient = gradient_size(m)};
 }

@@ -298,7 +298,7 @@ static bool tell_last(lg_minimiser *m, double value, const double *gradient, con
 
 static bool tell_newton(lg_minimiser *m, double value, const double *gradient, const double *matrix,
                         bool finite) {
-    const double slope = finite ? m->k->dot(m->n, gradient, m->d) : (double)NAN, before = m->numbers.value;
+    const double slope = finite ? m->k->dot(m->n, gradient, m->d) : NAN, before = m->numbers.value;
     const lg_search_verdict verdict = lg_minimise_search_tell(m, finite ? value : INFINITY, slope);
     const bool shown = lg_minimise_newton_shows(m);
     if (verdict == LG_SEARCH_ON)
@@ -320,7 +320,7 @@ static bool tell_newton(lg_minimiser *m, double value, const double *gradient, c
 
 static bool tell_step(lg_minimiser *m, double value, const double *gradient, const double *matrix,
                       bool finite) {
-    const double gain = finite ? (m->numbers.value - value) / foretold(m) : (double)NAN;
+    const double gain = finite ? (m->numbers.value - value) / foretold(m) : NAN;
     if (m->squares != NULL) set_radius(m, value, gain);
     if (!(gain > LEAST_GAIN)) {
         m->numbers.high_value = finite ? value : INFINITY;

@@ -43,7 +43,7 @@ static uint64_t most_evaluations(const lg_minimiser *m) {
 static lg_status run(lg_minimiser *m, evaluation evaluate, void *user, lg_minimise_end *end) {
     const lg_minimise_options *o = &m->options;
     const double begin = lg_seconds();
-    steps_still steps = {.value = (double)NAN};
+    steps_still steps = {.value = NAN};
     while ((*end = (lg_minimise_end)m->counts.end) == LG_MINIMISE_RUNNING) {
         if (lg_cancelled(m->context))
             *end = LG_MINIMISE_CANCELLED;
@@ -133,11 +133,11 @@ static void complete_units(const lg_minimiser *m, given_objective *given, double
 
 static lg_status evaluate_objective(lg_minimiser *m, void *user) {
     given_objective *given = user;
-    double value = (double)NAN;
+    double value = NAN;
     multiply(m->n, m->point, given->unit, given->x);
     const lg_status status = given->function(given->user, given->x, &value, given->gradient);
     if (status != LG_OK && status != LG_NOT_FINITE) return status;
-    if (status != LG_OK) value = (double)NAN;
+    if (status != LG_OK) value = NAN;
     if (m->counts.stage == LG_STAGE_START) complete_units(m, given, value);
     m->value_unit = given->value_unit;
     for (size_t i = 0; i < m->n; i++) given->gradient[i] *= given->unit[i] / given->value_unit;
@@ -291,7 +291,7 @@ static lg_status evaluate_residuals(lg_minimiser *m, void *user) {
     given->k->matvec(n, rows, given->transposed, given->r, given->gradient, false);
     for (size_t i = 0; i < n; i++) given->gradient[i] *= 2.0;
     for (size_t i = 0; i < n * n; i++) given->matrix[i] *= 2.0;
-    const double value = status == LG_OK ? given->k->dot(rows, given->r, given->r) : (double)NAN;
+    const double value = status == LG_OK ? given->k->dot(rows, given->r, given->r) : NAN;
     (void)lg_minimiser_tell_squares(m, value, given->gradient, given->matrix);
     /* J is checked when the first step is refused, or before the end. */
     const bool doubtful = m->counts.failures > 0 || m->counts.stage == LG_STAGE_DONE;
@@ -320,7 +320,7 @@ static void covariance_of(const lg_minimiser *m, size_t rows, double *out) {
         for (size_t j = i; j < n; j++) {
             const double scale =
                 2.0 * variance * m->unit[i] * m->unit[j] / sqrt(a[i * stride + i] * a[j * stride + j]);
-            const double value = info == 0 ? out[i * n + j] * scale : (double)NAN;
+            const double value = info == 0 ? out[i * n + j] * scale : NAN;
             out[i * n + j] = out[j * n + i] = value;
         }
 }

@@ -38,7 +38,6 @@ static double value_at(const lg_range *range, double level, double levels) {
 static lg_status next(const lg_search_space *space, const lg_search_options *options, uint64_t number,
                       const lg_trial *done, size_t count, double *value) {
     double levels[LG_RANGE_MAX];
-    (void)done, (void)count;
     (void)points(space, options->trials, levels);
     for (size_t i = space->count; i-- > 0; number /= (uint64_t)levels[i])
         value[i] = value_at(&space->ranges[i], (double)(number % (uint64_t)levels[i]), levels[i]);

@@ -42,7 +42,6 @@ void lg_search_draw(const lg_search_space *space, uint64_t seed, uint64_t number
 
 static lg_status next(const lg_search_space *space, const lg_search_options *options, uint64_t number,
                       const lg_trial *done, size_t count, double *value) {
-    (void)done, (void)count;
     lg_search_draw(space, options->seed, number, value);
     return LG_OK;
 }

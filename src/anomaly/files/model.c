@@ -194,7 +194,6 @@ static void release(void *user) {
 static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
                          lg_program **out, lg_error *error) {
     const lg_detector_file *file = user;
-    (void)scheme;
     return lg_detector_program(context, &file->run.model, &file->scaler, file->theta, out, error);
 }
 

@@ -1,5 +1,4 @@
 /* Decides how each node of a plan is computed. */
-#include "autodiff/ops/op_rows.h"
 #include "autodiff/program/plan_code.h"
 #include "autodiff/program/plan_make.h"
 

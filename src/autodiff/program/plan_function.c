@@ -1,5 +1,4 @@
 /* Makes the graph of a function. */
-#include "autodiff/ops/op_rows.h"
 #include "autodiff/program/plan_graph.h"
 #include "autodiff/program/program_call.h"
 

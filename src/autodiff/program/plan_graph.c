@@ -1,5 +1,4 @@
 #include "autodiff/program/plan_graph.h"
-#include "autodiff/ops/op_rows.h"
 
 #include <string.h>
 

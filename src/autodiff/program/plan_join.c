@@ -1,7 +1,6 @@
 /* Sums of padded tensors. The adjoint of a slice is the slice's adjoint between zeros, so the gradient by a
  * vector of parameters is a sum of such tensors, one for each slice. Here the sum becomes a concatenation of
  * the slices' adjoints. Adjoints of the same slice are added first, in the order of the sum. */
-#include "autodiff/ops/op_rows.h"
 #include "autodiff/program/plan_graph.h"
 
 /* A tensor along one axis: nodes, and zeros between nodes. */

@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "autodiff/program/plan.h"
-#include "kernels/product.h"
 
 typedef struct running {
     const lg_plan *plan;

@@ -2,7 +2,6 @@
  * inputs, zeros, or the same operation on fewer rows. Otherwise it stays as it is. */
 #include <string.h>
 
-#include "autodiff/ops/op_rows.h"
 #include "autodiff/program/plan_graph.h"
 #include "autodiff/program/program_call.h"
 

@@ -1,7 +1,6 @@
 /* Records functions of a program on a tape. */
 #include <string.h>
 
-#include "autodiff/ops/op_rows.h"
 #include "autodiff/program/program_call.h"
 
 typedef struct applying {

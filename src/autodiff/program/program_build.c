@@ -7,7 +7,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/ops/op_rows.h"
 #include "autodiff/program/program_call.h"
 #include "core/clean.h"
 

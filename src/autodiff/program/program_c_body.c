@@ -1,5 +1,4 @@
 /* Programs as C, bodies of functions: the steps of a plan as statements. */
-#include "autodiff/ops/op_rows.h"
 #include "autodiff/program/program_c.h"
 
 #include <limits.h>

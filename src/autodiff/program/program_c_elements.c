@@ -1,6 +1,5 @@
 /* Writes elementwise operations as C: loops around lines of scalar code. */
 #include "autodiff/program/program_c_lines.h"
-#include "autodiff/tape/tape_internal.h"
 
 typedef struct element_ends {
     uint64_t over;   /* bit k: input k and the output share memory */

@@ -1,5 +1,4 @@
 /* Conversion of a program's functions to plain data (images) and back. */
-#include "autodiff/ops/op_rows.h"
 #include "autodiff/ops/op_table.h"
 #include "liegrad/program.h"
 

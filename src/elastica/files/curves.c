@@ -152,7 +152,7 @@ static double trapezoid_length(const double *q, const double *v, uint32_t interv
         products += bend * turn;
         squares += turn * turn;
     }
-    return squares > 0 ? intervals * products / squares : (double)NAN;
+    return squares > 0 ? intervals * products / squares : NAN;
 }
 
 /* Rounds to three significant digits, which changes the length by at most 0.5 %. This is meant to give the

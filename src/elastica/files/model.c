@@ -104,7 +104,6 @@ static const lg_item items[] = {
 static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
                          lg_program **out, lg_error *error) {
     const lg_surrogate_file *file = user;
-    (void)scheme;
     return lg_surrogate_program(context, &file->run.model, file->theta, out, error);
 }
 

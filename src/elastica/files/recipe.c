@@ -215,7 +215,7 @@ static lg_status describe(lg_training *self, lg_error *error) {
 static lg_status find_modes(lg_training *self, lg_error *error) {
     state *s = self->state;
     lg_surrogate_run *run = self->run;
-    s->truncation = (double)NAN;
+    s->truncation = NAN;
     if (run->model.options.modes == 0) return LG_OK;
     LG_TRAINING_ARRAY(self, s->modes, lg_surrogate_modes_size(&run->model), error);
     LG_TRAINING_ARRAY(self, s->coefficients, s->learned.count * run->model.options.modes, error);
@@ -254,7 +254,7 @@ static void release(lg_training *self) {
 static lg_status errors_of(const lg_training *self, const part *of, const double *theta,
                            lg_surrogate_errors *out, lg_error *error) {
     const state *s = self->state;
-    const double none = (double)NAN;
+    const double none = NAN;
     *out = (lg_surrogate_errors){none, none, none, none, none, none, none};
     if (of->count == 0) return LG_OK;
     return lg_surrogate_evaluate(self->context, &((lg_surrogate_run *)self->run)->model, theta,
@@ -372,7 +372,7 @@ static const double outside_factor = 2;
 
 lg_elastica_outside lg_elastica_count_outside(const lg_surrogate_file *file, const double *boundary,
                                               const uint32_t *chosen, size_t count) {
-    const double none = (double)NAN;
+    const double none = NAN;
     if (file->trained_count == 0) return (lg_elastica_outside){none, none, none, none, 0};
     lg_elastica_outside out = {.reach = lg_surrogate_reach(file->trained, file->trained_count),
                                .spread = lg_surrogate_spread(file->trained, file->trained_count)};

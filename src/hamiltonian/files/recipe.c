@@ -267,7 +267,7 @@ static lg_status draw_weights(lg_training *self, lg_error *error) {
     enum { DRAWS = 20 };
     const lg_hamiltonian_run *run = self->run;
     const lg_hamiltonian_problem *problem = &((lg_hamiltonian_state *)self->state)->problem;
-    double loss = (double)NAN;
+    double loss = NAN;
     lg_rng rng;
     lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
     for (int draw = 0; draw < DRAWS && !isfinite(loss); draw++) {

@@ -22,7 +22,6 @@ static bool pushes(const lg_adaptation *of, uint32_t velocity) {
 static bool friction(const double *force, lg_adaptation *out) {
     const lg_machine *machine = &out->run.machine;
     double *direction = out->directions + out->count * machine->parameters;
-    (void)force;
     if (pushes(out, LG_ADAPT_FRICTION) || !lg_machine_scale_friction(machine, out->theta, direction))
         return false;
     for (size_t i = 0; i < machine->parameters; i++) direction[i] *= LG_ADAPT_SIGMA;

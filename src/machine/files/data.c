@@ -50,7 +50,7 @@ static lg_status read_logs(const lg_context *context, uint32_t delay, size_t tra
  * more with the delay whose unexplained accelerations are smallest. */
 static lg_status estimate_delay(const lg_context *context, size_t training, lg_machine_data *out,
                                 lg_error *error) {
-    double least = (double)INFINITY, left = 0;
+    double least = INFINITY, left = 0;
     uint32_t best = 0;
     for (uint32_t delay = 0; delay <= LG_DELAY_ESTIMATED; delay++) {
         LG_TRY(read_logs(context, delay, training, out, error));

@@ -95,7 +95,7 @@ lg_status lg_machine_unexplained(const lg_context *context, const lg_machine *ma
     const bool plain = linear != NULL;
     const size_t numbers = log->rows > 1 ? fill(machine, log, plain, 0, z) : 0;
     const size_t n = 1 + numbers + (plain ? 0 : numbers * (numbers + 1) / 2), nv = machine->velocities;
-    *out = (double)NAN;
+    *out = NAN;
     LG_TRY_SCRATCH(double, matrix, context, n *(n + nv + 1), lg_no_memory(error));
     regression r = {.linear = plain, .n = n, .nv = nv, .matrix = matrix, .right = matrix + n * n};
     r.x = r.right + n * nv;

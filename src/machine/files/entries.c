@@ -2,7 +2,6 @@
  * within: [1, 10], sigma: 1}; of a lag with the key `order`, which actuators.c reads. */
 #include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "machine/files/reading.h"
 #include "machine/internal.h"
@@ -25,7 +24,7 @@ lg_status lg_machine_read_entry(reading *r, const char *what, bool ordered, cons
                                 double *start, lg_machine_entry *out) {
     lg_key_value values[KEY_COUNT] = {{.line = 0}};
     const lg_key_set set = {keys, ordered ? KEY_COUNT : KEY_ORDER, values};
-    *start = (double)NAN;
+    *start = NAN;
     if (lg_node_is(node, "unknown")) return LG_OK;
     LG_TRY(lg_yaml_read_below(r->yaml, node, &set, what, r->error));
     const uint32_t line = lg_node_line(node);

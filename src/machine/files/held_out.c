@@ -14,7 +14,7 @@ static size_t rows_before(const lg_machine *machine, bool estimated) {
 static double logged_at(const lg_machine *machine, const lg_machine_log *log, size_t row, size_t i) {
     const size_t nq = machine->positions;
     if (i >= nq) return lg_log_shown(log)[row * machine->velocities + i - nq];
-    return machine->accelerations ? (double)NAN : log->q[row * nq + i];
+    return machine->accelerations ? NAN : log->q[row * nq + i];
 }
 
 /* ---- the length of windows ---- */
@@ -197,7 +197,7 @@ static double window_square(const lg_held_out *held, const lg_machine *machine, 
             count++;
         }
     }
-    return count > 0 ? sum / count : (double)NAN;
+    return count > 0 ? sum / count : NAN;
 }
 
 lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *model,

@@ -17,7 +17,7 @@ const char *const lg_run_error_names[LG_RUN_ERRORS] = {
 static double angle_of(const double *a, const double *b, uint32_t count) {
     double square = 0.0;
     for (uint32_t i = 0; i < count; i++) {
-        if (isnan(b[i])) return (double)NAN;
+        if (isnan(b[i])) return NAN;
         square += (a[i] - b[i]) * (a[i] - b[i]);
     }
     return 2.0 * asin(fmin(1.0, sqrt(square) / (count == 3 ? 2.0 : sqrt(8.0))));
@@ -25,7 +25,7 @@ static double angle_of(const double *a, const double *b, uint32_t count) {
 
 /* A prediction that is not finite is off by 1e300, whose square overflows. */
 static double difference(double predicted, double given, bool angle) {
-    if (isnan(given)) return (double)NAN;
+    if (isnan(given)) return NAN;
     if (!isfinite(predicted)) return 1e300;
     return angle ? lg_machine_wrap(predicted - given) : predicted - given;
 }
@@ -106,7 +106,7 @@ static void add(sums *s, double error) {
 }
 
 static double root(const sums *s) {
-    return s->count > 0 ? sqrt(s->sum / (double)s->count) : (double)NAN;
+    return s->count > 0 ? sqrt(s->sum / (double)s->count) : NAN;
 }
 
 /* Adds the errors of run i up to `seconds` to the sums of their kinds. */
@@ -177,7 +177,7 @@ lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg
                         const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
                         lg_error *error) {
     *out = (lg_horizon){.seconds = seconds};
-    for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = out->median[e] = out->unchanged[e] = (double)NAN;
+    for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = out->median[e] = out->unchanged[e] = NAN;
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
     double *own = lg_alloc(context, log->rows * LG_RUN_ERRORS, sizeof *own);
     lg_status status = start != NULL && own != NULL ? LG_OK : lg_no_memory(error);
@@ -283,7 +283,7 @@ lg_status lg_machine_states(const lg_learned_machine *model, const lg_machine_lo
     if (status == LG_OK) {
         out->log.v = out->v = out->q + log->rows * nq;
         memcpy(out->q, log->q, log->rows * nq * sizeof *out->q);
-        for (size_t i = 0; i < log->rows * nv; i++) out->v[i] = (double)NAN;
+        for (size_t i = 0; i < log->rows * nv; i++) out->v[i] = NAN;
         count = find_starts(machine, log, model->start_rows, 0, every, start);
         v = states + count * nq;
     }
@@ -409,7 +409,7 @@ lg_status lg_machine_window_loss(const lg_learned_machine *model, const lg_machi
     lg_point_error e[LG_POINT_ERRORS];
     double sum = 0.0;
     size_t *start = lg_alloc(context, log->rows, sizeof *start);
-    *out = (double)NAN;
+    *out = NAN;
     if (start == NULL) return lg_no_memory(error);
     runs r = {.machine = model->machine, .log = log, .steps = window - 1, .start = start};
     if (!model->machine->accelerations)

@@ -106,7 +106,7 @@ static void drop_errors(const lg_training *self, lg_machine_verdict *what) {
             "the fit has not converged (%s): it had too few evaluations, so no standard errors are given; "
             "give more epochs or seconds",
             lg_fit_end_sentence(self->fit));
-    for (size_t i = 0; i < what->count; i++) of->numbers[i].error = (double)NAN;
+    for (size_t i = 0; i < what->count; i++) of->numbers[i].error = NAN;
     for (size_t i = 0; i < what->count * what->count; i++) of->correlations[i] = 0.0;
     of->spread = NULL;
     of->open_count = 0;
@@ -328,7 +328,7 @@ static lg_status tell(lg_training *self, lg_machine_verdict *what, lg_error *err
     lg_result_real(self, "loss", what->loss, "mean over windows and rows");
     lg_result_real(self, "expected_loss", what->expected, "noise and steps leave at most");
     lg_result_real(self, "validation",
-                   done > 0 ? lg_fit_history(self->fit, LG_FIT_VALIDATION)[done - 1] : (double)NAN,
+                   done > 0 ? lg_fit_history(self->fit, LG_FIT_VALIDATION)[done - 1] : NAN,
                    "loss of the windows that are not trained on");
     lg_result_whole(self, "windows", run->windows, NULL);
     lg_result_whole(self, "parameters", machine->parameters, NULL);

@@ -2,7 +2,6 @@
 #include <string.h>
 
 #include "machine/files/choice.h"
-#include "machine/internal.h"
 
 static const char not_shown[] = "no lag that the log shows";
 static const double least_rows = 0.2; /* scales.lag[0], in rows */

@@ -4,7 +4,6 @@
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/median.h"
@@ -531,7 +530,7 @@ static void find_motions(const check *where, int lag, double *out) {
             const fit f = compare(&of[k], 1);
             moved += f.moved, missed += f.missed;
         }
-        out[i] = moved > 0 ? sqrt(missed / moved) : (double)NAN;
+        out[i] = moved > 0 ? sqrt(missed / moved) : NAN;
     }
 }
 
@@ -577,7 +576,7 @@ static void look_at_rows(const check *c, bool angle, double *noise, lg_standstil
         }
     const double usual = lg_median(c->sorted, count);
     for (size_t p = 0; p < c->table->parts; p++) {
-        double gone = 0.0, before = (double)NAN;
+        double gone = 0.0, before = NAN;
         size_t since = first[p];
         for (size_t row = since; row + 1 < first[p + 1]; row++) {
             const double moved = change_after(c, angle, row, &way), off = moved - way;
@@ -617,7 +616,7 @@ static lg_status check_files(check where) {
 }
 
 lg_status lg_log_check(lg_log_table *table) {
-    for (uint32_t i = 0; i < LG_MACHINE_COORDINATES; i++) table->out->motion[i] = (double)NAN;
+    for (uint32_t i = 0; i < LG_MACHINE_COORDINATES; i++) table->out->motion[i] = NAN;
     if (table->machine->measured != LG_MEASURED_VELOCITIES) return LG_OK;
     LG_TRY_SCRATCH(double, sorted, table->context, LG_LOG_SAMPLES, lg_log_no_memory(table));
     LG_TRY_SCRATCH(bool, left_out, table->context, table->rows, lg_log_no_memory(table));

@@ -3,7 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "files/h5.h"
 #include "machine/files/log_table.h"
 #include "liegrad/geometry.h"
 

@@ -16,7 +16,6 @@
 #include <string.h>
 
 #include "core/median.h"
-#include "files/h5.h"
 #include "machine/files/log_table.h"
 
 enum { FEWEST = 20, BESIDE = 2, AROUND = 10, LONGEST = 2 };
@@ -81,7 +80,7 @@ static double off_polynomial(const trace *x, size_t i, const size_t *at, int cou
 static double distance(const trace *x, size_t i) {
     size_t at[4], after[3];
     const int b = beside(x, i, -1, 3, at), a = beside(x, i, 1, 3, after);
-    if (a == 0 || b == 0 || a + b < 4) return (double)NAN;
+    if (a == 0 || b == 0 || a + b < 4) return NAN;
     const int before = a == 1 ? 3 : b == 1 ? 1 : 2;
     for (int k = before; k < 4; k++) at[k] = after[k - before];
     return fabs(off_polynomial(x, i, at, 4));
@@ -220,7 +219,7 @@ static void mend_column(trace *x) {
         for (size_t i = 0; i < x->n; i++) {
             if (!x->out[i]) continue;
             if (of[few].count++ == 0) of[few].row = x->row[i], of[few].value = *cell(x, i);
-            if (few) *cell(x, i) = (double)NAN;
+            if (few) *cell(x, i) = NAN;
         }
     }
     t->out->columns[x->column].outliers = of[1].count;

@@ -1,7 +1,6 @@
 /* Logs: cuts what was read into parts without gaps, cleans and checks it, and brings it into the machine's
  * order. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/median.h"
@@ -154,7 +153,7 @@ static void delay_inputs(const lg_log_table *t, size_t begin, size_t end) {
         const lg_log_column *c = &t->machine->columns[i];
         const uint32_t delay = c->role == LG_LOG_INPUT ? t->out->delay[c->index] : 0;
         for (size_t row = end; delay > 0 && row-- > begin;)
-            lg_log_row(t, row)[i] = row - begin >= delay ? lg_log_row(t, row - delay)[i] : (double)NAN;
+            lg_log_row(t, row)[i] = row - begin >= delay ? lg_log_row(t, row - delay)[i] : NAN;
     }
 }
 

@@ -298,7 +298,6 @@ static lg_status read_coordinates(reading *r, const lg_key_value *value) {
 static lg_status add_input(reading *r, uint32_t line, const char *name, void *user) {
     lg_machine *m = &r->out->machine;
     adding what = {LG_LOG_INPUT, m->input_count};
-    (void)user;
     if (m->input_count == LG_MACHINE_INPUTS)
         return LG_FAULT(r, line, "more than %d inputs", LG_MACHINE_INPUTS);
     if (strlen(name) >= LG_MACHINE_NAME)

@@ -349,7 +349,6 @@ static lg_status make_problem(lg_training *self, lg_error *error) {
 
 static lg_status save(lg_training *self, void *into, lg_error *error) {
     const lg_machine_verdict *verdict = &((const lg_machine_state *)self->state)->verdict;
-    (void)error;
     ((lg_machine_model_file *)into)->spread = verdict->count > 0 ? verdict->identified.spread : NULL;
     return LG_OK;
 }

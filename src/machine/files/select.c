@@ -69,7 +69,7 @@ lg_status lg_machine_select_begin(lg_training *self, lg_error *error) {
     LG_TRAINING_ARRAY(self, s->best, self->problem.parameters, error);
     LG_TRAINING_ARRAY(self, s->square, s->held.count, error);
     s->self = self;
-    s->least = (double)INFINITY;
+    s->least = INFINITY;
     s->epoch = s->next = 0;
     s->checkpoint = options->checkpoint;
     s->on_epoch = options->on_epoch;
@@ -102,7 +102,6 @@ void lg_machine_tell_selection(lg_training *self) {
 /* ---- widths of networks ---- */
 
 static void write_width(const void *user, size_t index, lg_text *out) {
-    (void)user;
     lg_text_add(out, "hidden: [%s]\n", widths[index]);
 }
 

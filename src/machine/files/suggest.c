@@ -1,6 +1,5 @@
 /* Finds the terms that a log asks for: candidates are learned, and judged by free runs. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,7 +10,6 @@
 /* ---- the table of candidates ---- */
 
 static bool has_inputs(const lg_machine_file *file, const lg_candidate *self) {
-    (void)self;
     return file->machine.input_count > 0;
 }
 
@@ -418,7 +416,7 @@ void lg_machine_tell_suggestion(lg_training *self) {
     for (uint32_t i = 0; i < what->count; i++) {
         const lg_suggested *row = &what->row[i];
         LG_RESULT_OBJECT(self, NULL, LG_AS_WHOLE("round", row->round), LG_AS_TEXT("name", row->name),
-                         LG_AS_ROUNDED("ratio", row->ratio > 0 ? row->ratio : (double)NAN, 3),
+                         LG_AS_ROUNDED("ratio", row->ratio > 0 ? row->ratio : NAN, 3),
                          LG_AS_WHOLE("parameters", row->parameters),
                          LG_FOR_PEOPLE("outcome", !(row->ratio > 0) ? "cannot be learned"
                                                   : row->taken      ? "taken"

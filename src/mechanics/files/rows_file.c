@@ -3,7 +3,6 @@
  * files. */
 #define _DEFAULT_SOURCE /* flock */
 #include <errno.h>
-#include <fcntl.h>
 #include <string.h>
 #include <sys/file.h>
 #include <sys/resource.h>

@@ -1,5 +1,4 @@
 /* Loads a model file of any kind as one handle. */
-#include <stdio.h>
 #include <string.h>
 
 #include "core/core.h"

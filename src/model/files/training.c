@@ -7,7 +7,6 @@
 #include <string.h>
 
 static bool none_given(const lg_training *self, const char *option) {
-    (void)self, (void)option;
     return false;
 }
 

@@ -98,7 +98,6 @@ static lg_status get_names(lg_h5 *h5, void *user, lg_error *error) {
 static lg_status program(const lg_context *context, const void *user, const lg_scheme *scheme,
                          lg_program **out, lg_error *error) {
     const lg_table_file *file = user;
-    (void)scheme;
     return lg_table_program(context, &file->run.model, &file->inputs, &file->outputs, file->theta, out,
                             error);
 }

@@ -286,7 +286,6 @@ static lg_status save(lg_training *self, void *into, lg_error *error) {
     const lg_table_state *s = self->state;
     lg_table_file *file = into;
     const lg_provenance provenance = file->provenance;
-    (void)error;
     *file = s->file;
     file->provenance = provenance;
     file->rmse = isfinite(s->judged.scaled_rmse) ? s->judged.scaled_rmse : (double)NAN;
