@@ -29,6 +29,11 @@ static inline const char *lg_shown_path(const char *path) {
     return length > 200 ? path + length - 200 : path;
 }
 
+/* Fails because there is no memory for what is in the file. */
+static inline lg_status lg_no_memory_for(const char *path, lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+}
+
 /* End of the message about a whole number that no double equals. */
 #define LG_ROUNDED                                                                                           \
     "no floating-point number equals it: leave the column out, use it for classes, or write it with an "     \
