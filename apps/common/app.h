@@ -407,7 +407,7 @@ enum { APP_MORE_PATHS = 8 };
 void app_check_outputs(const app *app, const app_path *more, size_t count);
 /* Returns whether a regular file begins with the first `lines` lines of `data` (0: whether it equals the
  * data). */
-bool app_begins(const app *app, const char *path, const char *data, size_t bytes, int lines);
+bool app_begins(const char *path, const char *data, size_t bytes, int lines);
 /* `replace` of the context (liegrad/core.h), for everything that a command writes; `user` is the app. A file
  * that exists is replaced only if it is an earlier result of the same kind, and a sentence on stderr says
  * so: a file in HDF5 that a command wrote, of the kind that app_check_outputs was told or of another command;

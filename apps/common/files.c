@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "files/csv.h"
+#include "files/read_file.h"
 #include "files/temporary.h"
 #include "liegrad/files.h"
 #include "liegrad/model.h"
@@ -228,7 +229,7 @@ lg_status app_claim(const app *self, const char *path, lg_error *error) {
 
 /* ---- files that exist ---- */
 
-bool app_begins(const app *self, const char *path, const char *data, size_t bytes, int lines) {
+bool app_begins(const char *path, const char *data, size_t bytes, int lines) {
     size_t n = lines > 0 ? 0 : bytes;
     for (int i = 0; i < lines && n < bytes; i++) {
         const char *end = memchr(data + n, '\n', bytes - n);
@@ -251,7 +252,7 @@ static bool is_of_kind(const app *self, const char *path, const char *kind) {
     if (kind == NULL || app_had_memory(lg_file_is_ours(self->context, path, &ours, NULL)) != LG_OK || !ours)
         return false;
     (void)app_had_memory(lg_model_file_kind(self->context, path, NULL, found, sizeof found, NULL));
-    return strcmp(found, kind) == 0 || lg_h5_is_of_commands(found);
+    return strcmp(found, kind) == 0 || lg_kind_is_of_commands(found);
 }
 
 /* ---- tables that exist ---- */
@@ -346,7 +347,7 @@ static bool is_earlier(const app *self, const char *path, const char *kind, cons
                        bool whole) {
     static const char h5[] = LG_H5_SIGNATURE;
     if (bytes >= sizeof h5 - 1 && memcmp(data, h5, sizeof h5 - 1) == 0) return is_of_kind(self, path, kind);
-    return app_begins(self, path, data, bytes, whole ? 0 : 1) &&
+    return app_begins(path, data, bytes, whole ? 0 : 1) &&
            (whole || !is_table(data, bytes) || has_such_rows(path, data, bytes));
 }
 
@@ -416,7 +417,7 @@ static void check_earlier(const app *self, const written_file *file) {
     app_check_text(self, path, begins);
     const bool drawn = app_plot_name_fits(path);
     APP_FREE char *data = app_format("%s=%s\n", PLOT_DATA, drawn ? path + strlen(path) - 3 : "");
-    if (drawn && of->inode != 0 && !app_begins(self, file[1].path, data, strlen(data), 2))
+    if (drawn && of->inode != 0 && !app_begins(file[1].path, data, strlen(data), 2))
         app_stop(self, LG_FILE,
                  "%s: exists, and its data do not lie in %s: remove it, or write to another file", path,
                  file[1].path);

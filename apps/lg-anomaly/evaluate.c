@@ -44,6 +44,8 @@ typedef struct voting {
 typedef struct evaluation {
     const app *app;
     well_model *model;
+    const lg_series *names;     /* of the model */
+    const lg_detector_run *run; /* its training */
     const char *path;
     lg_cut_series from;
     const char *part_name;
@@ -58,7 +60,7 @@ typedef struct evaluation {
 static void choose_part(evaluation *e) {
     static const lg_part wanted[] = {
         [PART_TRAIN] = LG_PART_TRAIN, [PART_VALIDATION] = LG_PART_VALIDATION, [PART_TEST] = LG_PART_TEST};
-    const lg_detector_run *cut = &e->model->file.run;
+    const lg_detector_run *cut = e->run;
     const size_t windows = e->from.windows.count;
     const char *model = e->app->arguments[0];
     const bool same = strcmp(cut->data_sha256, e->from.data.sha256) == 0 && cut->windows == windows;
@@ -92,7 +94,7 @@ typedef struct watching {
 static void watch_window(const evaluation *e, watching *state, size_t i, double begin, voting *out,
                          double *times) {
     const lg_judgement *judged = &e->judged;
-    const double unit = e->model->file.names.rate > 0 ? 1 / e->model->file.names.rate : 1;
+    const double unit = e->names->rate > 0 ? 1 / e->names->rate : 1;
     if (judged->truth[i] != judged->healthy && !state->damaged) {
         state->damaged = true;
         state->onset = begin;
@@ -102,7 +104,7 @@ static void watch_window(const evaluation *e, watching *state, size_t i, double 
     state->alarm = cast_vote(&state->votes, values.votes.values[1], positive) >= values.votes.values[0];
     if (!state->damaged) {
         out->false_alarms += state->alarm && !before;
-        out->intact_time += (double)e->model->file.run.hop * unit;
+        out->intact_time += (double)e->run->hop * unit;
     } else if (state->alarm && !state->detected) {
         state->detected = true;
         times[out->detected++] = (begin + (double)e->model->window - state->onset) * unit;
@@ -129,7 +131,7 @@ static void vote(evaluation *e) {
     }
     for (size_t i = 0; i < out->detected; i++) out->largest = fmax(out->largest, times[i]);
     out->median = lg_median(times, out->detected);
-    out->a_day = e->model->file.names.rate > 0 && out->intact_time > 0
+    out->a_day = e->names->rate > 0 && out->intact_time > 0
                      ? (double)out->false_alarms * 86400 / out->intact_time
                      : (double)NAN;
 }
@@ -176,7 +178,7 @@ static void add_groups(app_json *out, const evaluation *e) {
 
 static void add_votes(app_json *out, const evaluation *e) {
     const voting *votes = &e->votes;
-    const char *unit = e->model->file.names.rate > 0 ? "s" : "samples";
+    const char *unit = e->names->rate > 0 ? "s" : "samples";
     if (values.votes.count == 0) return;
     app_json_open(out, "votes", '{');
     app_json_size(out, "k", values.votes.values[0]);
@@ -205,11 +207,9 @@ static void add_evaluation(app_json *out, const evaluation *e) {
     add_groups(out, e);
     app_result_text(out, "method", e->model->file.method, NULL);
     app_json_open(out, "classes", '[');
-    for (uint32_t c = 0; c < e->model->file.names.classes; c++)
-        app_json_text(out, NULL, e->model->file.names.class_name[c]);
+    for (uint32_t c = 0; c < e->names->classes; c++) app_json_text(out, NULL, e->names->class_name[c]);
     app_json_close(out, ']');
-    app_result_text(out, "healthy", e->model->file.run.healthy[0] != '\0' ? e->model->file.run.healthy : NULL,
-                    NULL);
+    app_result_text(out, "healthy", e->run->healthy[0] != '\0' ? e->run->healthy : NULL, NULL);
     app_json_size(out, "threads", e->app->threads);
 }
 
@@ -219,9 +219,8 @@ static void add_row(app_json *out, const evaluation *e) {
             LG_AS_REAL("noise", e->from.data.noise), LG_AS_REAL("severity", e->from.data.severity),
             LG_AS_WHOLE("windows", e->judged.count), LG_AS_REAL("accuracy", e->judged.metrics.accuracy),
             LG_AS_REAL("recall", e->judged.metrics.recall), LG_AS_REAL("F1", e->judged.metrics.f1),
-            LG_AS_TEXT("healthy", e->model->file.run.healthy),
-            LG_AS_REAL("false alarms/day",
-                       lg_judgement_alarms(&e->judged, e->model->file.run.hop, e->model->file.names.rate)));
+            LG_AS_TEXT("healthy", e->run->healthy),
+            LG_AS_REAL("false alarms/day", lg_judgement_alarms(&e->judged, e->run->hop, e->names->rate)));
     if (values.votes.count == 0) return;
     app_json_size(out, "damaged", e->votes.damaged);
     app_json_size(out, "detected", e->votes.detected);
@@ -248,7 +247,7 @@ static void write_scores(const evaluation *e) {
     lg_columns to = {.text = app_text()};
     lg_columns_names(&to, "window,run,group,truth,class");
     for (uint32_t c = 0; c < judged->classes; c++) {
-        APP_FREE char *name = app_format("score %s", e->model->file.names.class_name[c]);
+        APP_FREE char *name = app_format("score %s", e->names->class_name[c]);
         lg_columns_name(&to, name);
     }
     lg_columns_end(&to);
@@ -257,8 +256,8 @@ static void write_scores(const evaluation *e) {
         lg_columns_whole(&to, judged->window[i]);
         lg_columns_number(&to, series->run != NULL ? series->run[first] : (double)NAN);
         lg_columns_number(&to, series->group != NULL ? series->group[first] : (double)NAN);
-        lg_columns_text(&to, e->model->file.names.class_name[judged->truth[i]]);
-        lg_columns_text(&to, e->model->file.names.class_name[judged->given[i]]);
+        lg_columns_text(&to, e->names->class_name[judged->truth[i]]);
+        lg_columns_text(&to, e->names->class_name[judged->given[i]]);
         lg_columns_numbers(&to, judged->score + i * judged->classes, judged->classes);
         lg_columns_end(&to);
     }
@@ -281,7 +280,7 @@ static lg_status measure(void *user, size_t i, const float *x, void *work) {
 /* Counts them, and warns if they are many, because the model's results mean little for them. */
 static void tell_unlike(evaluation *e) {
     static const double MANY = 0.05;
-    const lg_series *names = &e->model->file.names;
+    const lg_series *names = e->names;
     const lg_novelty *novelty = &e->model->file.novelty;
     const size_t count = e->judged.count;
     const lg_window_list all = {e->judged.window, count};
@@ -310,7 +309,7 @@ static void check_votes(const evaluation *e) {
     well_model_need_healthy(e->app, e->model, "--votes");
     if (e->from.data.series.run == NULL)
         app_stop_usage(e->app, "--votes: %s has no recordings (/run)", e->path);
-    if (e->part.count < e->from.windows.count && e->model->file.run.split == LG_SPLIT_RANDOM)
+    if (e->part.count < e->from.windows.count && e->run->split == LG_SPLIT_RANDOM)
         app_warn(e->app,
                  "--votes: the %s part of a random split holds single windows of the recordings, not the "
                  "recordings: times to detection are too long",
@@ -323,7 +322,7 @@ static void evaluate(evaluation *e) {
     lg_error why = {LG_OK, ""};
     read_series_of(self, e->path, e->model, &e->from.data);
     APP_MUST_FILE(self, e->path,
-                  lg_windows_create(self->context, series, e->model->window, (size_t)e->model->file.run.hop,
+                  lg_windows_create(self->context, series, e->model->window, (size_t)e->run->hop,
                                     &e->from.windows, &error));
     choose_part(e);
     well_model_settle(self, e->model, values.healthy, e->from.data.healthy);
@@ -359,7 +358,11 @@ static void run(app *self) {
     well_model_load(self, self->arguments[0], &model);
     app_plot_check(self, plots_of(&model, false));
     for (size_t i = 0; i < count; i++) {
-        list[i] = (evaluation){.app = self, .model = &model, .path = self->arguments[i + 1]};
+        list[i] = (evaluation){.app = self,
+                               .model = &model,
+                               .names = &model.file.names,
+                               .run = &model.file.run,
+                               .path = self->arguments[i + 1]};
         evaluate(&list[i]);
     }
     if (values.scores != NULL) write_scores(&list[0]);

@@ -154,8 +154,10 @@ static lg_status file_failed(lg_error *error) {
 static lg_status sink_open(const app *self, const char *path, sink *out, lg_error *error) {
     struct stat information;
     char head[64 * (LG_RISER_CHANNELS + 1)] = "time", row[sizeof head] = "0.1";
-    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) lg_append(head, sizeof head, ",%s", lg_riser_channel(c));
-    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) lg_append(row, sizeof row, ",%.8e", 1.0);
+    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) {
+        lg_append(head, sizeof head, ",%s", lg_riser_channel(c));
+        lg_append(row, sizeof row, ",%.8e", 1.0);
+    }
     lg_append(head, sizeof head, "\n");
     APP_FREE char *like = app_format("%s%s\n", head, row);
     *out = (sink){.stream = stdout, .temporary = {.fd = -1}};

@@ -40,8 +40,8 @@ static char *column_name(const viewing *v, bool reduced, uint32_t c) {
 }
 
 static void put_class_names(app_plot *plot, const viewing *v) {
-    for (uint32_t c = 0; c < v->model->file.names.classes; c++)
-        app_plot_text(plot, "%s", v->model->file.names.class_name[c]);
+    const lg_series *names = &v->model->file.names;
+    for (uint32_t c = 0; c < names->classes; c++) app_plot_text(plot, "%s", names->class_name[c]);
 }
 
 /* The line w.x + b = 0 on which a network with two numbers before its output finds both classes equally
@@ -78,14 +78,14 @@ static void put_points(app_plot *plot, const void *view) {
     APP_FREE float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
     APP_FREE double *f = app_alloc(3 * (size_t)features->count, sizeof *f);
     APP_FREE double *work = app_alloc(lg_features_work_size(features), 1);
-    APP_FREE double *seen = app_alloc(v->model->file.names.classes, sizeof *seen);
+    APP_FREE double *seen = app_alloc(v->judged->classes, sizeof *seen);
     double w[3], b = 0, *reduction = f + features->count;
     bool known = plane && output_line(v->model, w, &b);
     if (margin) {
         app_must_file(app_running(), lg_svm_plane(&classifier->svm, w, &b), NULL, app_plot_given.plot);
         known = true;
     }
-    app_plot_text(plot, "%u\t%u", columns, v->model->file.names.classes);
+    app_plot_text(plot, "%u\t%u", columns, v->judged->classes);
     for (uint32_t c = 0; c < columns; c++) {
         APP_FREE char *name =
             plane ? app_format("output %u of the last hidden layer", c + 1) : column_name(v, reduced, c);
@@ -155,11 +155,11 @@ static void put_regressions(app_plot *plot, const void *view) {
     APP_FREE double *f = app_alloc(features->count, sizeof *f);
     APP_FREE double *work = app_alloc(lg_features_work_size(features), 1);
     APP_FREE float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
-    APP_FREE size_t *of_class = app_alloc(v->model->file.names.classes, sizeof *of_class);
+    APP_FREE size_t *of_class = app_alloc(v->judged->classes, sizeof *of_class);
     /* Where features_baseline.c leaves those of the segments of the first acceleration. */
     const double *deviation = work + ((size_t)features->channels + 1) * features->length;
-    const size_t every = shown(v->judged) / ((size_t)SHOWN_LINES * v->model->file.names.classes) + 1;
-    app_plot_text(plot, "%u", v->model->file.names.classes);
+    const size_t every = shown(v->judged) / ((size_t)SHOWN_LINES * v->judged->classes) + 1;
+    app_plot_text(plot, "%u", v->judged->classes);
     put_class_names(plot, v);
     for (size_t i = 0; i < shown(v->judged); i += every) {
         const size_t at = chosen(v->judged, i), class = v->judged->truth[at];
@@ -179,7 +179,7 @@ static void put_regressions(app_plot *plot, const void *view) {
 static void put_confusion(app_plot *plot, const void *view) {
     const viewing *v = view;
     if (shown(v->judged) > 0)
-        app_plot_confusion(plot, "", v->judged->confusion, v->model->file.names.classes,
+        app_plot_confusion(plot, "", v->judged->confusion, v->judged->classes,
                            v->model->file.names.class_name);
 }
 

@@ -434,10 +434,11 @@ static void train_novelty(classical *self) {
     size_t kept = 0;
     (void)snprintf(self->names[0], LG_SERIES_NAME, "%s", train_run.healthy);
     (void)snprintf(self->names[1], LG_SERIES_NAME, "unlike");
+    lg_series *names = &self->model.file.names;
     self->model.sort = WELL_NOVELTY;
-    self->model.file.names.classes = 2;
-    self->model.file.names.class_name = self->names;
-    self->model.file.names.class_label = NULL;
+    names->classes = 2;
+    names->class_name = self->names;
+    names->class_label = NULL;
     for (size_t i = 0; i < train->count; i++)
         if (all->data.series.label[all->windows.first[train->list[i]]] == 0)
             train->list[kept++] = train->list[i];

@@ -76,11 +76,11 @@ static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *
     bench *b = user;
     const lg_status status = well_model_score(b->model, x, b->score, NULL, b->work);
     if (status != LG_OK) return status;
-    b->given = lg_metrics_class(b->score, b->model->file.names.classes);
+    b->given = lg_metrics_class(b->score, b->names->classes);
     *score = well_model_alarm(b->model, b->score);
     *answer = b->given != b->model->healthy ? LG_ANSWER_POSITIVE : LG_ANSWER_NEGATIVE;
     if (b->novelty_work == NULL) return LG_OK;
-    lg_novelty_eval(&b->model->file.novelty, x, &b->novelty, b->features, b->novelty_work);
+    lg_novelty_eval(b->usual, x, &b->novelty, b->features, b->novelty_work);
     if (is_unlike(b, missing)) *answer = LG_ANSWER_NOVEL;
     return LG_OK;
 }
@@ -118,10 +118,10 @@ static void forget_silence(watching *self) {
 }
 
 static void tell_silence(const watching *self, char text[REASON]) {
-    const well_model *model = self->bench.model;
+    const lg_series *names = self->bench.names;
     const uint32_t c = most_silent(self);
-    const bool named = model->file.names.channel_name != NULL && model->file.names.channel_name[c][0] != '\0';
-    int used = named ? snprintf(text, REASON, "%s", model->file.names.channel_name[c])
+    const bool named = names->channel_name != NULL && names->channel_name[c][0] != '\0';
+    int used = named ? snprintf(text, REASON, "%s", names->channel_name[c])
                      : snprintf(text, REASON, "channel %u", c + 1);
     (void)snprintf(text + used, (size_t)(REASON - used), ": no number in %llu of %llu samples",
                    (unsigned long long)self->silence.without[c], (unsigned long long)self->silence.samples);
@@ -131,44 +131,41 @@ static void tell_silence(const watching *self, char text[REASON]) {
  * "". */
 static const char *reason_of(const watching *self, const lg_verdict *v, char text[REASON]) {
     const bench *b = &self->bench;
-    const well_model *model = b->model;
-    const bool alone = model->sort == WELL_NOVELTY && v->answer == LG_ANSWER_POSITIVE;
+    const bool alone = b->model->sort == WELL_NOVELTY && v->answer == LG_ANSWER_POSITIVE;
     text[0] = '\0';
     if (!v->judged && v->answer == LG_ANSWER_NOVEL)
         tell_silence(self, text);
     else if (v->judged && (v->answer == LG_ANSWER_NOVEL || alone))
-        (void)lg_novelty_explain(&model->file.novelty, &b->novelty, model->file.names.channel_name,
-                                 model->file.names.rate, text, REASON);
+        (void)lg_novelty_explain(b->usual, &b->novelty, b->names->channel_name, b->names->rate, text, REASON);
     return text;
 }
 
 static const char *class_name(const watching *self, const lg_verdict *v) {
-    return v->answer == LG_ANSWER_NOVEL ? "unlike"
-                                        : self->bench.model->file.names.class_name[self->bench.given];
+    if (v->answer == LG_ANSWER_NOVEL) return "unlike";
+    return v->judged ? self->bench.names->class_name[self->bench.given] : NULL;
 }
 
 /* ---- the level of noise ---- */
 
 static void warn_of_noise(const watching *self) {
-    const well_model *model = self->bench.model;
+    const lg_series *names = self->bench.names;
     const noise_level *noise = &self->noise;
-    const double rate = model->file.names.rate > 0 ? model->file.names.rate : 1;
+    const double rate = names->rate > 0 ? names->rate : 1;
     uint32_t more = 0, less = 0, most = 0;
-    for (uint32_t c = 0; c < model->file.names.channels; c++) {
+    for (uint32_t c = 0; c < names->channels; c++) {
         const double change = noise->sum[c] / noise->windows;
         more += change > log(SAME_NOISE);
         less += change < -log(SAME_NOISE);
         if (fabs(noise->sum[c]) > fabs(noise->sum[most])) most = c;
     }
-    if (2 * more <= model->file.names.channels && 2 * less <= model->file.names.channels) return;
+    if (2 * more <= names->channels && 2 * less <= names->channels) return;
     app_warn(self->app,
              "the noise of the feed differs from the noise in training: %u of %u channels have %s amplitude "
              "above %.3g %s, channel %u %.3g times the usual one; a model that was trained at another level "
              "of noise misses damage",
-             more > less ? more : less, model->file.names.channels, more > less ? "more" : "less",
-             lg_novelty_noise_from(&model->file.novelty) * rate,
-             model->file.names.rate > 0 ? "Hz" : "cycles a sample", most + 1,
-             exp(noise->sum[most] / noise->windows));
+             more > less ? more : less, names->channels, more > less ? "more" : "less",
+             lg_novelty_noise_from(self->bench.usual) * rate, names->rate > 0 ? "Hz" : "cycles a sample",
+             most + 1, exp(noise->sum[most] / noise->windows));
 }
 
 /* Measures the level of noise in the first windows without missing samples and with all sensors alive. */
@@ -176,42 +173,37 @@ static void listen(watching *self, uint32_t missing) {
     const bench *b = &self->bench;
     noise_level *noise = &self->noise;
     const lg_novelty_cause cause = b->novelty.cause;
-    if (b->novelty_work == NULL || b->model->file.novelty.bands == 0 || noise->windows >= NOISE_WINDOWS)
-        return;
+    if (b->novelty_work == NULL || b->usual->bands == 0 || noise->windows >= NOISE_WINDOWS) return;
     if (missing > 0 || cause == LG_NOVELTY_STILL || cause == LG_NOVELTY_NONE) return;
     double *ratio = b->novelty_work; /* this memory is free until the next window is judged */
-    lg_novelty_noise(&b->model->file.novelty, b->novelty.nearest, b->features, ratio);
-    for (uint32_t c = 0; c < b->model->file.names.channels; c++) noise->sum[c] += log(ratio[c]);
+    lg_novelty_noise(b->usual, b->novelty.nearest, b->features, ratio);
+    for (uint32_t c = 0; c < b->names->channels; c++) noise->sum[c] += log(ratio[c]);
     if (++noise->windows == NOISE_WINDOWS) warn_of_noise(self);
 }
 
 /* ---- verdicts ---- */
 
-/* Begins a JSON object on its own line of the log; end_object ends it. */
-static app_json begin_object(const watching *self) {
-    (void)fputc('{', self->log.stream);
-    return (app_json){.stream = self->log.stream};
-}
-
-static void end_object(const app_json *json) {
-    (void)fputs("}\n", json->stream);
+/* Prints a JSON object on its own line of the log. */
+static void print_object(const watching *self, const lg_result *members) {
+    app_json json = {.stream = self->log.stream};
+    app_json_object(&json, NULL, members);
+    (void)fputc('\n', json.stream);
 }
 
 static void print_json_verdict(const watching *self, const lg_verdict *v) {
     char text[REASON];
     const char *reason = reason_of(self, v, text);
     const bool unlike = v->answer == LG_ANSWER_NOVEL, measured = self->bench.novelty_work != NULL;
-    app_json json = begin_object(self);
-    APP_PUT(&json, LG_AS_REAL("time", self->now), LG_AS_WHOLE("window", v->window),
-            LG_AS_WHOLE("first_sample", v->first_sample), LG_AS_FLAG("judged", v->judged),
-            LG_AS_TEXT("class", v->judged || unlike ? class_name(self, v) : NULL),
-            LG_AS_REAL("score", v->judged ? v->score : NAN), LG_AS_WHOLE("missing", v->missing),
-            LG_AS_WHOLE("positive_votes", v->positive_votes), LG_AS_WHOLE("votes", v->votes),
-            LG_AS_FLAG("alarm", v->alarm), LG_AS_FLAG("unlike", unlike),
-            LG_AS_REAL("distance", v->judged && measured ? self->bench.novelty.distance : NAN),
-            LG_AS_TEXT("reason", reason[0] != '\0' ? reason : NULL),
-            LG_AS_WHOLE("unlike_votes", v->novel_votes), LG_AS_FLAG("unlike_alarm", v->novel));
-    end_object(&json);
+    print_object(
+        self, LG_RESULTS(LG_AS_REAL("time", self->now), LG_AS_WHOLE("window", v->window),
+                         LG_AS_WHOLE("first_sample", v->first_sample), LG_AS_FLAG("judged", v->judged),
+                         LG_AS_TEXT("class", class_name(self, v)),
+                         LG_AS_REAL("score", v->judged ? v->score : NAN), LG_AS_WHOLE("missing", v->missing),
+                         LG_AS_WHOLE("positive_votes", v->positive_votes), LG_AS_WHOLE("votes", v->votes),
+                         LG_AS_FLAG("alarm", v->alarm), LG_AS_FLAG("unlike", unlike),
+                         LG_AS_REAL("distance", v->judged && measured ? self->bench.novelty.distance : NAN),
+                         LG_AS_TEXT("reason", reason[0] != '\0' ? reason : NULL),
+                         LG_AS_WHOLE("unlike_votes", v->novel_votes), LG_AS_FLAG("unlike_alarm", v->novel)));
 }
 
 /* A log begins with the line of column names, or with --json with an object that begins with json_begin. */
@@ -220,15 +212,15 @@ static const char text_begin[] = "# time\tclass\tscore\tvotes\tmissing\talarm\tr
 
 static void print_verdict(const watching *self, const lg_verdict *v) {
     FILE *out = self->log.stream;
-    char text[REASON];
-    const char *reason = reason_of(self, v, text);
-    char time[LG_SHORTEST];
+    char text[REASON], time[LG_SHORTEST];
+    const char *reason = reason_of(self, v, text), *class = class_name(self, v);
     lg_format_shortest(time, self->now, false);
     if (values.log == NULL && self->tally.windows == 1) (void)fputs(text_begin, out);
+    app_put(out, "%s\t%s", time, class != NULL ? class : "-");
     if (v->judged)
-        app_put(out, "%s\t%s\t%.6g", time, class_name(self, v), v->score);
+        app_put(out, "\t%.6g", v->score);
     else
-        app_put(out, "%s\t%s\t-", time, v->answer == LG_ANSWER_NOVEL ? class_name(self, v) : "-");
+        app_put(out, "\t-");
     app_put(out, "\t%u/%u\t%u\t%s\t%s\n", v->positive_votes, v->votes, v->missing,
             v->alarm   ? v->novel ? "ALARM,UNLIKE" : "ALARM"
             : v->novel ? "UNLIKE"
@@ -277,10 +269,9 @@ void watch_end_gap(watching *self) {
     if (count == 0 || values.quiet) return;
     watch_log_turn(&self->log);
     if (self->app->json) {
-        app_json json = begin_object(self);
-        APP_PUT(&json, LG_AS_REAL("time", self->now), LG_AS_REAL("first_time", self->gap_first),
-                LG_AS_WHOLE("not_judged", count));
-        end_object(&json);
+        print_object(self,
+                     LG_RESULTS(LG_AS_REAL("time", self->now), LG_AS_REAL("first_time", self->gap_first),
+                                LG_AS_WHOLE("not_judged", count)));
     } else
         (void)fprintf(self->log.stream, "# not judged: %llu window%s more, the last ends before %.15g s\n",
                       count, count == 1 ? "" : "s", self->now + 1 / self->rate);
@@ -386,18 +377,17 @@ static bool samples_of(double seconds, double rate, double least, double most, u
 }
 
 static void set_options(const app *self, const well_model *model, watching *w, lg_monitor_options *o) {
-    w->rate_known = app_given(self, "rate") || model->file.names.rate > 0;
-    w->rate = app_given(self, "rate")      ? values.rate
-              : model->file.names.rate > 0 ? model->file.names.rate
-                                           : 1.0;
+    const double trained = model->file.names.rate;
+    const bool forced = app_given(self, "rate");
+    w->rate_known = forced || trained > 0;
+    w->rate = forced ? values.rate : trained > 0 ? trained : 1.0;
     if (!w->rate_known)
         app_warn(self, "the model has no sampling rate: options in seconds count samples instead (see "
                        "--rate)");
-    if (app_given(self, "rate") && model->file.names.rate > 0 &&
-        fabs(values.rate / model->file.names.rate - 1) > 1e-3)
-        app_warn(self, "the model was trained at %.6g Hz, not %.6g Hz", model->file.names.rate, values.rate);
+    if (forced && trained > 0 && fabs(values.rate / trained - 1) > 1e-3)
+        app_warn(self, "the model was trained at %.6g Hz, not %.6g Hz", trained, values.rate);
     lg_monitor_options_init(o);
-    o->channels = model->file.names.channels;
+    o->channels = w->channels;
     o->window = model->window;
     o->missing = values.missing;
     o->votes = values.votes.values[0];
@@ -447,19 +437,19 @@ static void read_feed(watching *self, sample_reader *reader, float *sample) {
     }
     watch_settle(self);
     if (self->refused) app_end(APP_EXIT_FILE);
+    if (app_interrupted()) return;
     const tally *t = &self->tally;
-    if (!app_interrupted() && self->last_read > 0 && self->malformed_in_row > 1)
+    const uint64_t read = t->received + t->not_finite + t->repeated, rows = read + t->malformed;
+    if (self->last_read > 0 && self->malformed_in_row > 1)
         app_warn(self->app, "after line %llu no line could be read: %llu lines are malformed; the last: %s",
                  (unsigned long long)self->last_read, (unsigned long long)self->malformed_in_row,
                  reader->problem);
-    const bool none = t->malformed > 0 && t->received + t->not_finite + t->repeated == 0;
-    if (!app_interrupted() && (none || (reader->layout == LAYOUT_UNKNOWN && reader->line > 0)))
+    if ((t->malformed > 0 && read == 0) || (reader->layout == LAYOUT_UNKNOWN && reader->line > 0))
         app_stop(self->app, LG_FILE, "%s: no line holds %u numbers, or %u with a time in seconds%s%s",
                  feed_name(), reader->channels, reader->channels + 1,
                  reader->problem[0] != '\0' ? "; the last line that could not be read: " : "",
                  reader->problem);
-    const uint64_t rows = t->received + t->not_finite + t->repeated + t->malformed;
-    if (!app_interrupted() && self->timing.follow && 2 * t->repeated > rows)
+    if (self->timing.follow && 2 * t->repeated > rows)
         app_stop(self->app, LG_FILE,
                  "%s: %llu of %llu lines are left out, because their times do not go beyond earlier ones",
                  feed_name(), (unsigned long long)t->repeated, (unsigned long long)rows);
@@ -471,7 +461,7 @@ static void on_idle(void *user) {
 }
 
 static void watch_feed(watching *self, int file, size_t watch_bytes) {
-    const lg_series *names = &self->bench.model->file.names;
+    const lg_series *names = self->bench.names;
     APP_FREE float *sample = app_alloc(names->channels, sizeof *sample);
     APP_CLEAN(sample_reader_close) sample_reader reader = {.channels = 0};
     self->reader = &reader;
@@ -493,9 +483,9 @@ static void watch_feed(watching *self, int file, size_t watch_bytes) {
 
 static void open_novelty(watching *self) {
     bench *b = &self->bench;
-    const lg_novelty *novelty = &b->model->file.novelty;
+    const lg_novelty *novelty = b->usual;
     b->farthest = values.unlike > 0 ? values.unlike : INFINITY;
-    self->silence.without = app_keep(b->model->file.names.channels, sizeof *self->silence.without);
+    self->silence.without = app_keep(self->channels, sizeof *self->silence.without);
     if (novelty->channels == 0) {
         app_warn(self->app,
                  "the model has no record of what its training windows look like: a dead sensor gets a "
@@ -509,7 +499,7 @@ static void open_novelty(watching *self) {
 
 static void watch_with(const app *self, const well_model *model, int file) {
     watching w = {.app = self,
-                  .bench = {.model = model},
+                  .bench = {.model = model, .names = &model->file.names, .usual = &model->file.novelty},
                   .channels = model->file.names.channels,
                   .tally = {.first_alarm = NAN, .first_unlike = NAN, .detection = NAN}};
     lg_monitor_options options;
@@ -517,7 +507,7 @@ static void watch_with(const app *self, const well_model *model, int file) {
     watch_log_open(&w.log, self, values.log, self->json ? json_begin : text_begin);
     const size_t bytes = lg_monitor_size(&options);
     APP_FREE void *memory = app_alloc(bytes, 1);
-    w.bench.score = app_keep(model->file.names.classes, sizeof *w.bench.score);
+    w.bench.score = app_keep(w.bench.names->classes, sizeof *w.bench.score);
     w.bench.work = app_keep(well_model_work(model), 1);
     open_novelty(&w);
     APP_MUST(self, lg_monitor_init(&options, judge, &w.bench, &w.watch, memory, bytes, &error));

@@ -18,6 +18,8 @@ enum {
 /* What the judge of a window needs, and its results. */
 typedef struct bench {
     const well_model *model;
+    const lg_series *names;  /* of the model */
+    const lg_novelty *usual; /* its record of the training windows */
     /* Windows with a larger distance are unlike the training windows; infinite: no window is. */
     double farthest;
     double *score; /* (classes) */

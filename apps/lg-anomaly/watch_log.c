@@ -17,24 +17,21 @@ enum { LONGEST_LINE = 1 << 16 };
 static lg_status end_line(const watch_log *log, int fd, lg_error *error) {
     struct stat about;
     APP_FREE char *text = app_alloc(LONGEST_LINE, 1);
-    lg_status status = LG_OK;
-    if (fstat(fd, &about) == 0 && about.st_size > 0) {
-        const off_t from = about.st_size > LONGEST_LINE ? about.st_size - LONGEST_LINE : 0;
-        ssize_t n = pread(fd, text, LONGEST_LINE, from);
-        while (n > 0 && text[n - 1] != '\n') n--;
-        if (n <= 0 && from > 0)
-            status = lg_fail(error, LG_FORMAT, "%s: is not a text file", log->path);
-        else if (n >= 0 && from + n < about.st_size && ftruncate(fd, from + n) != 0)
-            status = lg_fail(error, LG_FILE, "%s: %s", log->path, strerror(errno));
-    }
-    return status;
+    if (fstat(fd, &about) != 0 || about.st_size == 0) return LG_OK;
+    const off_t from = about.st_size > LONGEST_LINE ? about.st_size - LONGEST_LINE : 0;
+    ssize_t n = pread(fd, text, LONGEST_LINE, from);
+    while (n > 0 && text[n - 1] != '\n') n--;
+    if (n <= 0 && from > 0) return lg_fail(error, LG_FORMAT, "%s: is not a text file", log->path);
+    if (n >= 0 && from + n < about.st_size && ftruncate(fd, from + n) != 0)
+        return lg_fail(error, LG_FILE, "%s: %s", log->path, strerror(errno));
+    return LG_OK;
 }
 
 /* Checks that the file is empty or begins as a log does. No other file is changed. */
 static lg_status check_begin(const watch_log *log, int fd, lg_error *error) {
     struct stat about;
     if (fstat(fd, &about) == 0 && (!S_ISREG(about.st_mode) || about.st_size == 0)) return LG_OK;
-    if (app_begins(log->app, log->path, log->begin, strlen(log->begin), 1)) return LG_OK;
+    if (app_begins(log->path, log->begin, strlen(log->begin), 1)) return LG_OK;
     return lg_fail(error, LG_FILE,
                    "%s: exists and is not a log of such verdicts: remove it, or choose another file",
                    log->path);

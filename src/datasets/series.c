@@ -41,8 +41,7 @@ static lg_status find_torn(const lg_context *context, const char *path, const lg
     size_t stretches = 0;
     *torn = false;
     if (s->run == NULL) return LG_OK;
-    LG_TRY_SCRATCH(uint32_t, sorted, context, s->count,
-                   lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path)));
+    LG_TRY_SCRATCH(uint32_t, sorted, context, s->count, lg_no_memory_for(path, error));
     for (size_t i = 0; i < s->count; i++)
         if (i == 0 || s->run[i] != s->run[i - 1]) sorted[stretches++] = s->run[i];
     qsort(sorted, stretches, sizeof *sorted, lg_compare_u32);
@@ -65,10 +64,6 @@ typedef struct read_call {
     uint32_t torn_run;       /* a run whose windows are not consecutive */
     bool by_number, guessed; /* as in lg_labels */
 } read_call;
-
-static lg_status no_memory(const read_call *call, lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(call->path));
-}
 
 /* The shape of /X is (n, channels, length) or (n, length). */
 static lg_status read_shape(read_call *call, lg_error *error) {
@@ -99,7 +94,7 @@ static lg_status read_labels(read_call *call, lg_error *error) {
     s->classes = names.count;
     if (lg_series_allocate(call->context, s, lg_h5_has(call->h5, "group"), lg_h5_has(call->h5, "run")) !=
         LG_OK)
-        return no_memory(call, error);
+        return lg_no_memory_for(call->path, error);
     memcpy(s->class_name, names.name, names.count * sizeof *names.name);
     for (size_t i = 0; i < s->count; i++) s->label[i] = labels.class_of[labels.label[i]];
     if (labels.of_class.count > 0) s->class_label = lg_names_take(&labels.of_class);
@@ -286,21 +281,17 @@ static lg_status check_written(const lg_context *context, const char *path, cons
     return check_samples(path, s, error);
 }
 
-/* The class is written by its name, because class_label is not written. */
-static lg_status put_healthy(lg_h5 *h5, const lg_series_data *data, lg_error *error) {
-    const lg_series *s = &data->series;
-    return lg_h5_put_text(h5, "", "healthy", s->class_name[lg_series_healthy(s, data->healthy)], error);
-}
-
 static lg_status put_attributes(lg_h5 *h5, const lg_series_data *data, lg_error *error) {
-    lg_series names = data->series;
+    const lg_series *s = &data->series;
+    lg_series names = *s;
     names.class_label = NULL; /* the /y that is written holds class numbers 0, 1, ... */
     LG_TRY(lg_h5_put_header(h5, "series", &data->provenance, error));
     LG_TRY(lg_sensing_put(h5, &names, error));
     for (const lg_field *row = about; row->name != NULL; row++)
         if (row->type == LG_FIELD_REAL ? !isnan(lg_field_number(row, data)) : data->housing[0] != '\0')
             LG_TRY(lg_field_write(h5, row, data, error));
-    if (data->healthy[0] != '\0') LG_TRY(put_healthy(h5, data, error));
+    if (data->healthy[0] != '\0') /* the class by its name, because class_label is not written */
+        LG_TRY(lg_h5_put_text(h5, "", "healthy", s->class_name[lg_series_healthy(s, data->healthy)], error));
     return lg_h5_put_text(h5, "", "data_sha256", data->sha256, error);
 }
 

@@ -14,11 +14,6 @@ void lg_labels_destroy(lg_labels *labels) {
     *labels = (lg_labels){.context = labels->context};
 }
 
-static lg_status too_many(const lg_h5 *h5, const char *name, lg_error *error) {
-    return lg_fail(error, LG_FORMAT, "%s: /%s: more than %u different labels", lg_shown_path(h5->path), name,
-                   LG_SERIES_CLASSES);
-}
-
 /* ---- texts ---- */
 
 typedef struct text_call {
@@ -36,7 +31,9 @@ static lg_status meet_text(void *user, uint64_t index, const char *text, lg_erro
                        shown, call->name, (unsigned long long)index, LG_SERIES_NAME - 1);
     const lg_status status = lg_names_meet(&call->labels->text, text, &call->labels->label[index], &known);
     if (status == LG_OUT_OF_MEMORY) return lg_h5_no_memory(call->h5, error);
-    return status == LG_OK ? LG_OK : too_many(call->h5, call->name, error);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "%s: /%s: more than %u different labels", shown, call->name,
+                   LG_SERIES_CLASSES);
 }
 
 static lg_status sort_texts(const lg_h5 *h5, lg_labels *labels, lg_error *error) {
@@ -284,11 +281,10 @@ static lg_status match_labels(const lg_h5 *h5, const lg_series *like, lg_labels 
     for (uint32_t i = 0; i < labels->text.count && labels->by_number; i++)
         labels->class_of[i] = (uint32_t)value_at(labels, i);
     if (labels->by_number) return LG_OK;
-    return like->class_label != NULL && (labels->value != NULL) == any_number(like->class_label, count)
-               ? unknown_label(h5, labels->text.name[missing], like->class_label, count, like->class_name,
-                               error)
-               : unknown_label(h5, labels->text.name[unnamed], like->class_name, count, like->class_name,
-                               error);
+    const bool labelled =
+        like->class_label != NULL && (labels->value != NULL) == any_number(like->class_label, count);
+    return unknown_label(h5, labels->text.name[labelled ? missing : unnamed],
+                         labelled ? like->class_label : like->class_name, count, like->class_name, error);
 }
 
 static lg_status choose_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels,

@@ -105,7 +105,7 @@ static lg_status add_name(const names_call *call, const char *text, lg_error *er
                        call->names->count + 1);
     const lg_status status =
         call->unique ? lg_names_meet(call->names, text, &index, &known) : lg_names_add(call->names, text);
-    if (status == LG_OUT_OF_MEMORY) return lg_fail(error, status, "%s: out of memory", shown);
+    if (status == LG_OUT_OF_MEMORY) return lg_no_memory_for(shown, error);
     if (status != LG_OK)
         return lg_fail(error, call->wrong, "%s: %s: more than %u names, or one of more than %d bytes: %.80s",
                        shown, call->key, LG_SERIES_CLASSES, LG_SERIES_NAME - 1, text);
@@ -156,10 +156,11 @@ lg_status lg_names_get(lg_h5 *h5, const char *key, bool unique, lg_names *names,
 
 /* ---- writing ---- */
 
-/* Fails with LG_INVALID_ARGUMENT if a name is not terminated or, with `unique`, is empty or occurs twice. */
+/* The names may be NULL. Fails with LG_INVALID_ARGUMENT if one is not terminated or, with `unique`, is empty
+ * or occurs twice. */
 static lg_status check_names(const lg_context *context, const char *path, const char *what,
-                             const char (*name)[LG_SERIES_NAME], uint32_t count, bool unique,
-                             lg_error *error) {
+                             char (*name)[LG_SERIES_NAME], uint32_t count, bool unique, lg_error *error) {
+    if (name == NULL) return LG_OK;
     LG_CLEAN(lg_names_destroy) lg_names met = {.context = context};
     const names_call call = {path, what, unique, LG_INVALID_ARGUMENT, &met};
     if (count > LG_SERIES_CLASSES)
@@ -174,12 +175,14 @@ static lg_status check_names(const lg_context *context, const char *path, const 
     return LG_OK;
 }
 
-/* Writes the names as one joined attribute if they are short and contain no |, else as a data set. */
-static lg_status put_names(lg_h5 *h5, const char *key, const char (*name)[LG_SERIES_NAME], uint32_t count,
+/* Writes the names, unless they are NULL, as one joined attribute if they are short and contain no |, else as
+ * a data set. */
+static lg_status put_names(lg_h5 *h5, const char *key, char (*name)[LG_SERIES_NAME], uint32_t count,
                            lg_error *error) {
     char joined[LG_H5_TEXT];
     size_t used = 0;
     bool fits = true;
+    if (name == NULL) return LG_OK;
     for (uint32_t i = 0; i < count && fits; i++) {
         fits = used + LG_SERIES_NAME + 1 < sizeof joined && strchr(name[i], '|') == NULL;
         if (fits)
@@ -198,25 +201,15 @@ lg_status lg_sensing_check(const lg_context *context, const char *path, const lg
     LG_TRY(lg_field_check(path, &rate, sensing, LG_INVALID_ARGUMENT, error));
     if (sensing->class_name == NULL || sensing->classes < 1)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the classes have no names", lg_shown_path(path));
-    LG_TRY(check_names(context, path, "classes", (const char(*)[LG_SERIES_NAME])sensing->class_name,
-                       sensing->classes, true, error));
-    if (sensing->class_label != NULL)
-        LG_TRY(check_names(context, path, "class_labels", (const char(*)[LG_SERIES_NAME])sensing->class_label,
-                           sensing->classes, true, error));
-    if (sensing->channel_name == NULL) return LG_OK;
-    return check_names(context, path, "channels", (const char(*)[LG_SERIES_NAME])sensing->channel_name,
-                       sensing->channels, false, error);
+    LG_TRY(check_names(context, path, "classes", sensing->class_name, sensing->classes, true, error));
+    LG_TRY(check_names(context, path, "class_labels", sensing->class_label, sensing->classes, true, error));
+    return check_names(context, path, "channels", sensing->channel_name, sensing->channels, false, error);
 }
 
 lg_status lg_sensing_put(lg_h5 *h5, const lg_series *sensing, lg_error *error) {
-    LG_TRY(put_names(h5, "classes", (const char(*)[LG_SERIES_NAME])sensing->class_name, sensing->classes,
-                     error));
-    if (sensing->class_label != NULL)
-        LG_TRY(put_names(h5, "class_labels", (const char(*)[LG_SERIES_NAME])sensing->class_label,
-                         sensing->classes, error));
-    if (sensing->channel_name != NULL)
-        LG_TRY(put_names(h5, "channels", (const char(*)[LG_SERIES_NAME])sensing->channel_name,
-                         sensing->channels, error));
+    LG_TRY(put_names(h5, "classes", sensing->class_name, sensing->classes, error));
+    LG_TRY(put_names(h5, "class_labels", sensing->class_label, sensing->classes, error));
+    LG_TRY(put_names(h5, "channels", sensing->channel_name, sensing->channels, error));
     return sensing->rate == 0 ? LG_OK : lg_field_write(h5, &rate, sensing, error);
 }
 

@@ -82,8 +82,7 @@ static void name_channel(const lg_series *s, uint32_t channel, char *text, size_
 lg_status lg_series_convert(lg_h5 *h5, lg_series *series, lg_precision *out, lg_error *error) {
     const char *shown = lg_shown_path(h5->path);
     *out = (lg_precision){.part = 0};
-    LG_TRY_SCRATCH(channel_sums, channel, h5->context, series->channels,
-                   lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", shown));
+    LG_TRY_SCRATCH(channel_sums, channel, h5->context, series->channels, lg_no_memory_for(shown, error));
     LG_TRY(convert_all(h5, series, channel, error));
     const double n = (double)series->count * series->length;
     for (uint32_t k = 0; k < series->channels; k++) {

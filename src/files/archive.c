@@ -73,7 +73,7 @@ lg_status lg_file_writer_create(const lg_context *context, const char *path, con
                                 const lg_provenance *provenance, lg_file_writer **out, lg_error *error) {
     LG_NEEDS(error, path, kind, out);
     LG_CLEAN(lg_file_writer_destroy_at) lg_file_writer *writer = lg_alloc(context, 1, sizeof *writer);
-    if (writer == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    if (writer == NULL) return lg_no_memory_for(path, error);
     writer->context = context;
     LG_TRY(lg_h5_create(context, path, &writer->h5, error));
     LG_TRY(lg_h5_put_header(writer->h5, kind, provenance, error));
@@ -166,7 +166,7 @@ lg_status lg_file_reader_create(const lg_context *context, const char *path, con
                                 const lg_read_options *options, lg_file_reader **out, lg_error *error) {
     LG_NEEDS(error, path, out);
     LG_CLEAN(lg_file_reader_destroy_at) lg_file_reader *reader = lg_alloc(context, 1, sizeof *reader);
-    if (reader == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    if (reader == NULL) return lg_no_memory_for(path, error);
     reader->file.context = context;
     open_call call = {context, path, kind, options, &reader->file.h5};
     LG_TRY(lg_probe(context, path, options, probe_all, &call, error));

@@ -21,7 +21,7 @@ lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what) {
 }
 
 static lg_status no_memory(const lg_csv *c, lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", c->shown);
+    return lg_no_memory_for(c->shown, error);
 }
 
 /* ---- lines ---- */
@@ -389,9 +389,8 @@ void lg_columns_end(lg_columns *to) {
 
 lg_status lg_columns_write(lg_columns *to, const lg_context *context, const char *path, lg_error *error) {
     const lg_text *text = &to->text;
-    const lg_status status = text->failed
-                                 ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path))
-                                 : lg_file_write(context, path, text->data, text->length, error);
+    const lg_status status = text->failed ? lg_no_memory_for(path, error)
+                                          : lg_file_write(context, path, text->data, text->length, error);
     lg_text_destroy(&to->text);
     return status;
 }

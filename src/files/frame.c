@@ -20,7 +20,7 @@ static const lg_frame_format *const formats[] = {LG_FRAME_FORMATS};
 /* ---- messages ---- */
 
 lg_status lg_frame_no_memory(const lg_frame *f, lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", f->shown);
+    return lg_no_memory_for(f->shown, error);
 }
 
 lg_status lg_frame_fail(const lg_frame *f, size_t row, const char *column, lg_error *error,
@@ -144,6 +144,11 @@ lg_status lg_frame_number_rows(lg_frame *f, size_t most, uint64_t left, lg_error
     return LG_OK;
 }
 
+static lg_status fail_rounded(const lg_frame *f, size_t row, uint32_t column, const char *text,
+                              lg_error *error) {
+    return lg_frame_fail(f, row, f->name[column], error, "%s is beyond 2^53 and " LG_ROUNDED, text);
+}
+
 static lg_status put_text(lg_frame *f, size_t row, uint32_t column, const char *text, lg_error *error) {
     const size_t length = strlen(text);
     if (length >= LG_FRAME_NAME)
@@ -178,8 +183,7 @@ static lg_status read_number(lg_frame *f, size_t row, uint32_t column, const cha
     }
     const lg_status status = lg_number_parse(cell, out);
     if (status == LG_OK || (status == LG_UNSUPPORTED && f->ours)) return LG_OK;
-    if (status == LG_UNSUPPORTED)
-        return lg_frame_fail(f, row, f->name[column], error, "%s is beyond 2^53 and " LG_ROUNDED, show);
+    if (status == LG_UNSUPPORTED) return fail_rounded(f, row, column, show, error);
     return lg_frame_fail(
         f, row, f->name[column], error, "'%s' is not a %snumber%s%s", lg_tamed(show),
         status == LG_NOT_FINITE ? "finite " : "",
@@ -220,7 +224,7 @@ lg_status lg_frame_put_number(lg_frame *f, size_t row, uint32_t column, char typ
     if (use->text > 0) LG_TRY(put_text(f, row, column, text, error));
     if (use->value == 0) return LG_OK;
     if (whole && use->clock == NULL && lg_whole_is_rounded(magnitude))
-        return lg_frame_fail(f, row, f->name[column], error, "%s is beyond 2^53 and " LG_ROUNDED, text);
+        return fail_rounded(f, row, column, text, error);
     f->value[row * f->width + use->value - 1] = value;
     return LG_OK;
 }

@@ -20,7 +20,7 @@ typedef struct npy {
     char kind; /* f, i, u or b, as in numpy */
     unsigned bytes;
     bool big_endian, fortran;
-    uint64_t rows, columns;
+    unsigned long long rows, columns;
     off_t start; /* of the numbers in the file */
 } npy;
 
@@ -80,7 +80,7 @@ static lg_status parse_type(const lg_frame *f, npy *n, lg_error *error) {
 
 static lg_status parse_shape(const lg_frame *f, npy *n, lg_error *error) {
     const char *order = value_of(n, "'fortran_order'"), *at = value_of(n, "'shape'");
-    uint64_t dims[2] = {0, 1};
+    unsigned long long dims[2] = {0, 1};
     size_t rank = 0;
     if (order == NULL || at == NULL || *at != '(') return fail(f, "has no shape", error);
     n->fortran = strncmp(order, "True", 4) == 0;
@@ -112,14 +112,13 @@ static lg_status check_size(const lg_frame *f, npy *n, lg_error *error) {
     const uint64_t have = (uint64_t)about.st_size - (uint64_t)at;
     if (n->rows > have / (n->columns * n->bytes))
         return lg_fail(error, LG_FORMAT, "%s: is cut off: its header announces (%llu, %llu) numbers",
-                       f->shown, (unsigned long long)n->rows, (unsigned long long)n->columns);
+                       f->shown, n->rows, n->columns);
     if (n->rows * n->columns * n->bytes < have)
         return lg_fail(error, LG_FORMAT, "%s: %llu bytes follow after its array", f->shown,
-                       (unsigned long long)(have - n->rows * n->columns * n->bytes));
+                       have - n->rows * n->columns * n->bytes);
     if (n->rows * n->columns > options.max_size / sizeof(double))
         return lg_fail(error, LG_FORMAT, "%s: has (%llu, %llu) numbers; at most %llu are read", f->shown,
-                       (unsigned long long)n->rows, (unsigned long long)n->columns,
-                       (unsigned long long)(options.max_size / sizeof(double)));
+                       n->rows, n->columns, (unsigned long long)(options.max_size / sizeof(double)));
     return LG_OK;
 }
 
@@ -181,9 +180,9 @@ static lg_status open_npy(lg_frame *f, lg_error *error) {
     LG_TRY(parse_type(f, n, error));
     LG_TRY(parse_shape(f, n, error));
     LG_TRY(check_size(f, n, error));
-    for (uint64_t c = 0; c < n->columns; c++) {
+    for (unsigned long long c = 0; c < n->columns; c++) {
         char name[24];
-        (void)snprintf(name, sizeof name, "c%llu", (unsigned long long)c);
+        (void)snprintf(name, sizeof name, "c%llu", c);
         LG_TRY(lg_frame_add_name(f, name, error));
     }
     return lg_frame_find(f, error);

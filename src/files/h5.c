@@ -48,7 +48,7 @@ lg_status lg_h5_new(const lg_context *context, const char *path, lg_h5 **out, lg
                       .file = H5I_INVALID_HID,
                       .links = H5Pcreate(H5P_LINK_ACCESS)};
     if (h5 == NULL || h5->path == NULL || H5Pset_elink_cb(h5->links, refuse_external, NULL) < 0)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+        return lg_no_memory_for(path, error);
     return LG_MOVE(out, h5);
 }
 
@@ -59,7 +59,7 @@ lg_h5_name lg_h5_memory_name(const lg_h5 *h5) {
 }
 
 lg_status lg_h5_no_memory(const lg_h5 *h5, lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(h5->path));
+    return lg_no_memory_for(h5->path, error);
 }
 
 void lg_h5_close(lg_h5 *h5) {

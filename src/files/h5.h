@@ -29,6 +29,11 @@ static inline const char *lg_shown_path(const char *path) {
     return length > 200 ? path + length - 200 : path;
 }
 
+/* Fails because there is no memory for what is in the file. */
+static inline lg_status lg_no_memory_for(const char *path, lg_error *error) {
+    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+}
+
 /* End of the message about a whole number that no double equals. */
 #define LG_ROUNDED                                                                                           \
     "no floating-point number equals it: leave the column out, use it for classes, or write it with an "     \
@@ -180,8 +185,6 @@ enum { LG_H5_KIND = 64 };
 lg_status lg_h5_kind(lg_h5 *h5, char text[LG_H5_KIND], lg_error *error);
 /* Says what a file of this kind is, for the end of a message. */
 const char *lg_h5_what_is(const char *kind);
-/* Whether a command writes files of this kind; those with functions (program) are also saved by users. */
-LG_API bool lg_h5_is_of_commands(const char *kind);
 /* Checks format, version and kind of the file. kind NULL accepts any kind. `foreign` also accepts files of
  * another format and files that name no format. */
 lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error *error);

@@ -17,8 +17,7 @@ static bool has_room_for_cache(void) {
 
 lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out, lg_error *error) {
     LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = NULL;
-    if (!has_room_for_cache())
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    if (!has_room_for_cache()) return lg_no_memory_for(path, error);
     LG_TRY(lg_h5_new(context, path, &h5, error));
     LG_QUIET;
     LG_ID create = H5Pcreate(H5P_FILE_CREATE), access = H5Pcreate(H5P_FILE_ACCESS);

@@ -3,6 +3,7 @@
 
 #include "core/core.h"
 #include "files/h5.h"
+#include "files/read_file.h"
 
 static const struct {
     const char *kind, *what;
@@ -22,7 +23,7 @@ static const struct {
     {"series", "it is a data file with labelled series"},
 };
 
-bool lg_h5_is_of_commands(const char *kind) {
+bool lg_kind_is_of_commands(const char *kind) {
     for (size_t i = 1; i < LG_COUNT(kinds); i++)
         if (strcmp(kinds[i].kind, kind) == 0) return strcmp(kind, "program") != 0;
     return false;

@@ -166,8 +166,7 @@ lg_status lg_lock_take(const lg_context *context, const char *target, const char
     const size_t length = lg_folder_length(target);
     lg_lock made = {.context = context, .process = (long)getpid()};
     made.name = lg_alloc(context, length + LG_OWN_NAME, 1);
-    if (made.name == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(target));
+    if (made.name == NULL) return lg_no_memory_for(target, error);
     lg_own_name(target, "lock", t.name);
     (void)memcpy(made.name, target, length);
     (void)strcpy(made.name + length, t.name);

@@ -58,6 +58,10 @@ lg_status lg_refuse_own_name(const char *target, lg_error *error) {
                    lg_shown_path(target));
 }
 
+lg_status lg_cannot_write(const char *target, int code, lg_error *error) {
+    return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
+}
+
 int lg_open_folder(const char *target) {
     char path[PATH_MAX] = ".";
     const size_t length = lg_folder_length(target);
@@ -180,8 +184,7 @@ static lg_status make(const lg_context *context, const char *target, bool folder
                       lg_error *error) {
     const size_t length = lg_folder_length(target);
     lg_temporary made = {.context = context, .fd = -1, .name = lg_alloc(context, length + LG_OWN_NAME, 1)};
-    if (made.name == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(target));
+    if (made.name == NULL) return lg_no_memory_for(target, error);
     (void)memcpy(made.name, target, length);
     const int above = lg_open_folder(target);
     if (above >= 0) {
@@ -195,7 +198,7 @@ static lg_status make(const lg_context *context, const char *target, bool folder
         return LG_OK;
     }
     lg_free(context, made.name);
-    return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
+    return lg_cannot_write(target, code, error);
 }
 
 /* A symbolic link to a file stays, and the file is replaced. */
@@ -244,7 +247,7 @@ lg_status lg_temporary_publish(lg_temporary *temporary, const char *target, lg_e
     if (code == 0) sync_folder(name);
     free(real);
     if (code == 0) return LG_OK;
-    return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
+    return lg_cannot_write(target, code, error);
 }
 
 void lg_temporary_end(lg_temporary *temporary) {

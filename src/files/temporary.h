@@ -29,6 +29,8 @@ void lg_sweep(int folder, const char *target);
 int lg_make_temporary(int folder, const char *target, bool is_folder, char name[LG_OWN_NAME]);
 /* Writes all bytes, also if the limit RLIMIT_FSIZE is reached. Returns 0 or a number of errno. */
 int lg_write_all(int fd, const void *data, size_t bytes);
+/* Fails with LG_FILE and the message of a number of errno. */
+lg_status lg_cannot_write(const char *target, int code, lg_error *error);
 /* fsync; the kinds of files that cannot be synced are no failure. Returns 0 or a number of errno. */
 int lg_sync(int fd);
 

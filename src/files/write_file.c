@@ -10,10 +10,6 @@
 #include "files/h5.h"
 #include "files/temporary.h"
 
-static lg_status file_error(lg_error *error, const char *path, const char *what, int code) {
-    return lg_fail(error, LG_FILE, "%s: %s: %s", lg_shown_path(path), what, strerror(code));
-}
-
 /* Writes all bytes. Beyond RLIMIT_FSIZE the kernel sends SIGXFSZ, which kills a process by default. Here the
  * signal is blocked for this thread and consumed, so that `write` fails with EFBIG, whatever signal handling
  * the process has. */
@@ -47,8 +43,8 @@ static lg_status write_temporary(const char *path, lg_temporary *to, const struc
                                  size_t bytes, lg_error *error) {
     int code = lg_write_all(to->fd, data, bytes);
     if (code == 0 && old != NULL && fchmod(to->fd, old->st_mode & 0777) != 0) code = errno;
-    const lg_status status = code == 0 ? lg_temporary_publish(to, path, error)
-                                       : file_error(error, path, "cannot be written", code);
+    const lg_status status =
+        code == 0 ? lg_temporary_publish(to, path, error) : lg_cannot_write(path, code, error);
     if (status != LG_OK) (void)unlink(to->name);
     return status;
 }

@@ -92,7 +92,7 @@ static lg_status path_in(const lg_yaml *yaml, const char *name, lg_text *out, lg
     const char *path = lg_yaml_path(yaml), *slash = strrchr(path, '/');
     const int folder = slash == NULL || name[0] == '/' ? 0 : (int)(slash - path) + 1;
     lg_text_add(out, "%.*s%s", folder, path, name);
-    return out->failed ? lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path)) : LG_OK;
+    return out->failed ? lg_no_memory_for(path, error) : LG_OK;
 }
 
 /* Reads the file of key `scene`. */
@@ -151,7 +151,7 @@ lg_status lg_grid_read(const lg_context *context, const char *path, lg_grid *out
     LG_TRY(lg_yaml_open(context, path, &yaml, error));
     list_keys(&keys);
     LG_SCRATCH(lg_key_value, values, context, KEYS + FILE_KEYS);
-    if (values == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    if (values == NULL) return lg_no_memory_for(path, error);
     LG_TRY(read_grid(context, yaml, &keys, values, &made, error));
     return LG_GIVE(out, made);
 }

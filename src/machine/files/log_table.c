@@ -9,7 +9,7 @@
 enum { FIRST_WARNINGS = 8 };
 
 lg_status lg_log_no_memory(const lg_log_table *table) {
-    return lg_fail(table->error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(table->paths[0]));
+    return lg_no_memory_for(table->paths[0], table->error);
 }
 
 lg_status lg_log_fail(const lg_log_table *table, size_t row, const char *format, ...) {

@@ -435,8 +435,7 @@ lg_status lg_machine_file_parse(const lg_context *context, const char *name, con
     LG_SCRATCH(lg_key_value, values, context, KEY_COUNT);
     LG_SCRATCH(char, copy, context, bytes + 1);
     reading r = {.yaml = yaml, .out = made, .error = error};
-    if (made == NULL || values == NULL || copy == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(name));
+    if (made == NULL || values == NULL || copy == NULL) return lg_no_memory_for(name, error);
     LG_TRY(read_documents(&r, values));
     *out = *made;
     out->context = context;

@@ -101,8 +101,7 @@ lg_status lg_rows_file_create(const lg_context *context, const char *path, const
                                .temporary = {.fd = -1},
                                .rows = options->rows,
                                .row_bytes = options->points * options->dim * sizeof(double)};
-    if (!file || !file->path)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    if (!file || !file->path) return lg_no_memory_for(path, error);
     LG_TRY(lg_may_replace(context, path, LG_H5_SIGNATURE, sizeof LG_H5_SIGNATURE - 1, error));
     LG_TRY(check_limit(file, options, error));
     LG_TRY(lg_temporary_create(context, path, false, &file->temporary, error));

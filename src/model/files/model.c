@@ -335,7 +335,7 @@ lg_status lg_checkpoint_open(const lg_context *context, const char *path, const 
     LG_CLEAN(lg_file_reader_destroy_at) lg_file_reader *reader = NULL;
     LG_TRY(lg_file_reader_create(context, path, kind->checkpoint, options, &reader, error));
     LG_SCRATCH(char, got, context, kind->run_size);
-    if (got == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    if (got == NULL) return lg_no_memory_for(path, error);
     LG_TRY(lg_run_get(lg_file_reader_h5(reader), kind, true, got, error));
     memcpy(run, got, kind->run_size);
     return LG_MOVE(out, reader);

@@ -82,21 +82,15 @@ static lg_status read_key(const reading *r, const yaml_node_t *node, size_t coun
     return LG_FAIL_AT(r->yaml, node, r->error, "'%s' stands twice, first on line %u", name, line);
 }
 
-static lg_status read_fixed(const reading *r, const yaml_node_t *map) {
+static lg_status read_fixed(const reading *r, const char name[LG_RANGE_NAME], const yaml_node_t *value) {
     lg_search_file *out = r->out;
-    const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
-    for (; pair < map->data.mapping.pairs.top; pair++) {
-        const size_t i = out->fixed_count;
-        const yaml_node_t *value = lg_node_at(r->yaml, pair->value);
-        char name[LG_RANGE_NAME] = "";
-        LG_TRY(read_key(r, lg_node_at(r->yaml, pair->key), i, name));
-        if (!copy_text(value, out->fixed_value[i], LG_SEARCH_FIXED_TEXT))
-            return LG_FAIL_AT(r->yaml, value, r->error, "%s: a value of 1 to %d bytes is expected", name,
-                              LG_SEARCH_FIXED_TEXT - 1);
-        memcpy(out->fixed_name[i], name, sizeof name);
-        out->fixed_line[i] = lg_node_line(value);
-        out->fixed_count++;
-    }
+    const size_t i = out->fixed_count;
+    if (!copy_text(value, out->fixed_value[i], LG_SEARCH_FIXED_TEXT))
+        return LG_FAIL_AT(r->yaml, value, r->error, "%s: a value of 1 to %d bytes is expected", name,
+                          LG_SEARCH_FIXED_TEXT - 1);
+    memcpy(out->fixed_name[i], name, LG_RANGE_NAME);
+    out->fixed_line[i] = lg_node_line(value);
+    out->fixed_count++;
     return LG_OK;
 }
 
@@ -126,8 +120,8 @@ static lg_status read_bounds(const reading *r, const yaml_node_t *list, lg_range
     return LG_OK;
 }
 
-/* Reads a range of the form {KIND: [...]}. */
-static lg_status read_range(const reading *r, const yaml_node_t *node, lg_range *range) {
+/* Reads what a range of the form {KIND: [...]} has. */
+static lg_status read_kind(const reading *r, const yaml_node_t *node, lg_range *range) {
     char kind[LG_RANGE_NAME] = "";
     const bool one = node->type == YAML_MAPPING_NODE && pairs_of(node) == 1;
     const yaml_node_pair_t *pair = one ? node->data.mapping.pairs.start : NULL;
@@ -144,20 +138,25 @@ static lg_status read_range(const reading *r, const yaml_node_t *node, lg_range 
                       range->name);
 }
 
-static lg_status read_ranges(const reading *r, const yaml_node_t *map) {
+static lg_status read_range(const reading *r, const char name[LG_RANGE_NAME], const yaml_node_t *value) {
     lg_search_space *space = &r->out->space;
+    lg_range *range = &space->ranges[space->count];
+    lg_error inner = {LG_OK, ""};
+    memcpy(range->name, name, LG_RANGE_NAME);
+    LG_TRY(read_kind(r, value, range));
+    r->out->line[space->count++] = lg_node_line(value);
+    if (lg_search_space_check(space, &inner) == LG_OK) return LG_OK;
+    return LG_FAIL_AT(r->yaml, value, r->error, "%s", inner.message);
+}
+
+static lg_status read_entries(const reading *r, int key, const yaml_node_t *map) {
     const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
     for (; pair < map->data.mapping.pairs.top; pair++) {
         const yaml_node_t *value = lg_node_at(r->yaml, pair->value);
-        lg_range *range = &space->ranges[space->count];
-        lg_error inner = {LG_OK, ""};
         char name[LG_RANGE_NAME] = "";
-        LG_TRY(read_key(r, lg_node_at(r->yaml, pair->key), space->count, name));
-        memcpy(range->name, name, sizeof name);
-        LG_TRY(read_range(r, value, range));
-        r->out->line[space->count++] = lg_node_line(value);
-        if (lg_search_space_check(space, &inner) != LG_OK)
-            return LG_FAIL_AT(r->yaml, value, r->error, "%s", inner.message);
+        const size_t count = key == KEY_FIXED ? r->out->fixed_count : r->out->space.count;
+        LG_TRY(read_key(r, lg_node_at(r->yaml, pair->key), count, name));
+        LG_TRY((key == KEY_FIXED ? read_fixed : read_range)(r, name, value));
     }
     return LG_OK;
 }
@@ -174,7 +173,7 @@ static lg_status read_file(lg_yaml *yaml, lg_search_file *out, lg_error *error) 
             return lg_yaml_fail(yaml, values[i].line, LG_FORMAT, error,
                                 "%s: names of options with their %s are expected", keys[i].name,
                                 i == KEY_FIXED ? "values" : "ranges");
-        LG_TRY(i == KEY_FIXED ? read_fixed(&r, node) : read_ranges(&r, node));
+        LG_TRY(read_entries(&r, i, node));
     }
     return LG_OK;
 }
@@ -185,7 +184,7 @@ lg_status lg_search_file_read(const lg_context *context, const char *path, lg_se
     if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "`out` is NULL");
     LG_TRY(lg_yaml_open(context, path, &yaml, error));
     LG_SCRATCH(lg_search_file, made, context, 1);
-    if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    if (made == NULL) return lg_no_memory_for(path, error);
     LG_TRY(read_file(yaml, made, error));
     *out = *made;
     return LG_OK;
@@ -451,7 +450,7 @@ lg_status lg_trials_read(const lg_context *context, const char *path, const lg_s
     LG_CLEAN(lg_frame_close)
     lg_frame f = {.context = context, .path = path, .what = "table of trials", .ours = true};
     LG_SCRATCH(lg_trial, made, context, room + 1);
-    if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    if (made == NULL) return lg_no_memory_for(path, error);
     LG_TRY(lg_read_first(path, first, sizeof first - 1, &got, error));
     LG_TRY(check_head(first, lg_shown_path(path), search, seed, setting, error));
     /* a table that was cut off within the names of its columns has no trials */

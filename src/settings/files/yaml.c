@@ -78,7 +78,7 @@ lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned ch
     const size_t size = data != NULL ? fread(data, 1, room, file) : 0;
     const bool broken = ferror(file) != 0;
     (void)fclose(file);
-    if (data == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", shown);
+    if (data == NULL) return lg_no_memory_for(shown, error);
     if (broken) return lg_fail(error, LG_FILE, "%s: cannot be read", shown);
     if (size > MAX_BYTES) return lg_fail(error, LG_FORMAT, "%s: is larger than %zu bytes", shown, MAX_BYTES);
     if (size == room) return lg_fail(error, LG_FILE, "%s: is being written", shown);
@@ -90,8 +90,7 @@ lg_status lg_yaml_bytes(const lg_context *context, const char *path, unsigned ch
 
 static lg_status parser_error(const char *path, const yaml_parser_t *parser, const unsigned char *data,
                               size_t bytes, lg_error *error) {
-    if (parser->error == YAML_MEMORY_ERROR)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    if (parser->error == YAML_MEMORY_ERROR) return lg_no_memory_for(path, error);
     size_t line = parser->problem_mark.line + 1;
     if (parser->error == YAML_READER_ERROR) { /* this kind of error has only an offset, no line */
         line = 1;
@@ -123,8 +122,7 @@ static const char *refused(yaml_token_type_t type, int depth) {
 static lg_status check_tokens(const char *path, const unsigned char *data, size_t bytes, lg_error *error) {
     LG_CLEAN(yaml_parser_delete) yaml_parser_t parser = {0};
     int depth = 0;
-    if (!yaml_parser_initialize(&parser))
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    if (!yaml_parser_initialize(&parser)) return lg_no_memory_for(path, error);
     yaml_parser_set_input_string(&parser, data, bytes);
     for (bool more = true; more;) {
         LG_CLEAN(yaml_token_delete) yaml_token_t token = {0};
@@ -162,8 +160,7 @@ lg_status lg_yaml_open_several(const lg_context *context, const char *path, cons
     LG_TRY(check_tokens(path, data, bytes, error));
     LG_CLEAN(lg_yaml_close_at) lg_yaml *yaml = lg_alloc(context, 1, sizeof *yaml);
     if (yaml != NULL) *yaml = (lg_yaml){.context = context, .path = path, .data = data, .bytes = bytes};
-    if (yaml == NULL || !yaml_parser_initialize(&yaml->parser))
-        return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_shown_path(path));
+    if (yaml == NULL || !yaml_parser_initialize(&yaml->parser)) return lg_no_memory_for(path, error);
     yaml_parser_set_input_string(&yaml->parser, data, bytes);
     bool any;
     LG_TRY(lg_yaml_next(yaml, &any, error));
@@ -215,28 +212,25 @@ static const char *shown(const yaml_node_t *node, char out[NAME_SIZE]) {
 static lg_status read_number(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, double *out,
                              lg_error *error) {
     char show[NAME_SIZE];
-    uint32_t line = lg_node_line(node);
     const char *text = lg_node_text(node, 512);
     bool whole = key->type == LG_FIELD_U32 || key->type == LG_FIELD_U64 || key->type == LG_FIELD_WHOLES;
     if (node->type != YAML_SCALAR_NODE)
-        return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: a number is expected", key->name);
+        return LG_FAIL_AT(yaml, node, error, "%s: a number is expected", key->name);
     lg_status status = LG_FORMAT;
     if (text != NULL && node->data.scalar.style == YAML_PLAIN_SCALAR_STYLE)
         status = lg_number_parse(text, out);
     if (status == LG_OUT_OF_MEMORY)
-        return lg_yaml_fail(yaml, line, status, error, "%s: out of memory", key->name);
+        return lg_yaml_fail(yaml, lg_node_line(node), status, error, "%s: out of memory", key->name);
     if (status != LG_OK)
-        return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: '%s' is not %s number", key->name,
-                            shown(node, show),
-                            status == LG_NOT_FINITE    ? "a finite"
-                            : status == LG_UNSUPPORTED ? "below 2^53 and would be rounded, so it is no"
-                                                       : "a");
+        return LG_FAIL_AT(yaml, node, error, "%s: '%s' is not %s number", key->name, shown(node, show),
+                          status == LG_NOT_FINITE    ? "a finite"
+                          : status == LG_UNSUPPORTED ? "below 2^53 and would be rounded, so it is no"
+                                                     : "a");
     if (whole && !(*out >= 0 && *out <= 0x1p53 && *out == (double)(uint64_t)*out))
-        return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: '%s' is not a whole number", key->name,
-                            shown(node, show));
+        return LG_FAIL_AT(yaml, node, error, "%s: '%s' is not a whole number", key->name, shown(node, show));
     if (*out < key->low || *out > key->high || (key->above && *out == key->low))
-        return lg_yaml_fail(yaml, line, LG_FORMAT, error, "%s: %s is outside %s%g, %g]", key->name,
-                            shown(node, show), key->above ? "(" : "[", key->low, key->high);
+        return LG_FAIL_AT(yaml, node, error, "%s: %s is outside %s%g, %g]", key->name, shown(node, show),
+                          key->above ? "(" : "[", key->low, key->high);
     return LG_OK;
 }
 
@@ -349,9 +343,8 @@ lg_status lg_yaml_entries(lg_yaml *yaml, const lg_field *key, const lg_key_value
     const size_t length = lg_node_length(node);
     bool alone = node->type == YAML_SCALAR_NODE && inner == 1;
     if (!alone && node->type != YAML_SEQUENCE_NODE)
-        return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "%s: a list is expected", key->name);
-    if (!alone && length == 0)
-        return lg_yaml_fail(yaml, value->line, LG_FORMAT, error, "%s: is an empty list", key->name);
+        return LG_FAIL_AT(yaml, node, error, "%s: a list is expected", key->name);
+    if (!alone && length == 0) return LG_FAIL_AT(yaml, node, error, "%s: is an empty list", key->name);
     if (!alone && inner > 1) alone = lg_node_item(yaml, node, 0)->type == YAML_SCALAR_NODE;
     *out = alone ? 1 : length;
     return LG_OK;
