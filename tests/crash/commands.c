@@ -345,8 +345,8 @@ void fail(bench *b, const char *format, ...) {
               (unsigned long long)b->failed, base, base, b->job->program, (unsigned long long)b->failed);
 }
 
-/* Writes older outputs: another export, or the complete file with four bytes more, since commands replace
- * only results of the same kind. */
+/* Writes older outputs: another export, or the complete file with a line more (a table: its last row), since
+ * commands replace only results of the same kind. */
 void put_old(bench *b) {
     const job *j = b->job;
     run_shell("mkdir -p '%s/old'", base);
@@ -355,8 +355,9 @@ void put_old(bench *b) {
         if (is_folder(name))
             run_shell("cp -r '%s/in/old' '%s'", base, work(name));
         else
-            run_shell("cd '%s' && { cat 'new/%s'; echo old; } > 'old/%s' && cp 'old/%s' '%s'", base, name,
-                      name, name, work(name));
+            run_shell("cd '%s' && { cat 'new/%s'; %s 'new/%s'; } > 'old/%s' && cp 'old/%s' '%s'", base, name,
+                      digest_ends(name, ".csv") ? "tail -n 1" : "printf 'old\\n%.0s'", name, name, name,
+                      work(name));
         /* a plot is an earlier result if its data lie next to it */
         if (digest_ends(name, ".svg"))
             run_shell("cd '%s/new' && cp '%.*s.dat' '%s'", base, (int)strlen(name) - 4, name, work(""));
