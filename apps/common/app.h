@@ -409,15 +409,15 @@ void app_check_outputs(const app *app, const app_path *more, size_t count);
  * data). */
 bool app_begins(const char *path, const char *data, size_t bytes, int lines);
 /* `replace` of the context (liegrad/core.h), for everything that a command writes; `user` is the app. A file
- * that exists is replaced only if it is an earlier result of the same kind, and a sentence on stderr says
- * so: a file in HDF5 that a command wrote, of the kind that app_check_outputs was told or of another command;
- * a table with the same first line and such rows as the command writes; another text with the same first line
- * (of PNG this is its signature). Every other file stays, and the status is LG_FILE. A file that this process
- * has written, and an empty one, may always be replaced. */
+ * that exists is replaced only if it is an earlier result of the same kind, and a sentence on stderr says so.
+ * Such results are: a file in HDF5 that a command wrote; a table with the same header whose rows have as many
+ * cells and numbers in the same form; another text with the same first line (of PNG this is its signature).
+ * Every other file stays, and the status is LG_FILE. A file that this process has written, and an empty one,
+ * may always be replaced. */
 lg_status app_may_replace(void *user, const char *path, const void *data, size_t bytes, lg_error *error);
 /* Checks before the work that a text with this first line may be written to `path` (NULL: nothing is
- * checked; of a table that has this line alone, all columns are numbers). Ends the command otherwise.
- * app_check_outputs checks files in HDF5, plots, and the data and scripts of plots. */
+ * checked). If the line is the header of a table, the file must be a table of numbers. Ends the command
+ * otherwise. app_check_outputs checks files in HDF5, plots, and the data and scripts of plots. */
 void app_check_text(const app *app, const char *path, const char *text);
 /* Registers an input that app_check_outputs does not see, such as a file that another input names. Ends the
  * command if the file is also an output. app_check_outputs may be called before or after this function. */

@@ -266,7 +266,7 @@ typedef struct table_rows {
     size_t count, longs; /* number of rows, and of long numbers in them */
 } table_rows;
 
-/* Returns the forms that a cell does not have. One without a value, and 0, has all; a text has none. */
+/* Returns a bit for each form that the cell lacks: no bit for 0 or an empty cell, all bits for a text. */
 static unsigned lacking_forms(const char *cell) {
     double x;
     char digits[3][CELL];
@@ -294,8 +294,8 @@ static int read_cell(FILE *from, char cell[CELL]) {
     return c;
 }
 
-/* Adds to lacks[c] the forms that a cell of column c lacks in the further rows. Fails if a row has another
- * number of cells or no end, or, with `strict`, if a column of numbers has no form left. */
+/* Reads the rows that are left, and adds to lacks[c] each form that a cell of column c lacks. Returns false
+ * if a row has too few or too many cells, or, with `strict`, if numbers of a column have no common form. */
 static bool read_rows(FILE *from, size_t columns, bool strict, unsigned *lacks, table_rows *rows) {
     char cell[CELL];
     for (*rows = (table_rows){0, 0};; rows->count++)
@@ -310,9 +310,9 @@ static bool read_rows(FILE *from, size_t columns, bool strict, unsigned *lacks, 
         }
 }
 
-/* Returns whether a file has rows, and all are such as those of `data`, a table whose first line it has: as
- * many cells, numbers of the same form where the columns of `data` have numbers, and long ones if `data` has
- * some. Without rows of `data` all columns are numbers, and some are long. */
+/* Returns whether the file has rows like those of the table `data` with the same header: as many cells,
+ * numbers of the same form in each column of numbers, and long ones if `data` has some. If `data` has no
+ * rows, all columns must hold numbers, and some must be long. */
 static bool has_such_rows(const char *path, const char *data, size_t bytes) {
     char cell[CELL];
     size_t columns = 1;

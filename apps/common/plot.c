@@ -199,7 +199,7 @@ void app_plot_draw(const app *self, unsigned has, const void *of) {
     const app_plot_kind *kind = kind_of(has | APP_PLOT_ANY);
     app_plot plot;
     app_plot_check(self, has);
-    if (kind->script != NULL) (void)app_plot_begin(&plot, kind->script), plot.kind = kind->name;
+    if (kind->script != NULL && app_plot_begin(&plot, kind->script)) plot.kind = kind->name;
     kind->put(&plot, of);
     app_plot_end(self, &plot);
 }

@@ -41,7 +41,7 @@ static bool put_key(app_json *json, const char *key) {
 
 static void put_cell(app_json *json, const char *key, const char *text);
 
-/* A value as people see it; NULL: a list, or a text that is not known. */
+/* Returns the text that people see, or NULL for a list and for a text that is NULL. */
 static const char *shown(const lg_result *value, const char *unknown, char text[LG_SHORTEST]) {
     if (value->type == LG_FIELD_WHOLES) return NULL;
     if (value->type == LG_FIELD_FLAG) return value->whole != 0 ? "yes" : "no";

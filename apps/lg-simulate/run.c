@@ -88,7 +88,7 @@ static sizes sizes_of(const simulation *sim) {
     return self;
 }
 
-/* into[part] = max(into[part], |x_i - y_i| over the part); y NULL: 0. */
+/* into[part] = max(into[part], |x_i - y_i| over the part); if y is NULL, y_i = 0. */
 static void widen(const sizes *self, const double *x, const double *y, double *into) {
     for (size_t b = 0; b < self->sim->block_count; b++) {
         const block *at = &self->sim->blocks[b];

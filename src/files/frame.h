@@ -65,9 +65,9 @@ typedef struct lg_clock {
 } lg_clock;
 /* Reads a time at the beginning of a text that may go on. Returns its end, or NULL if no time is there. */
 const char *lg_moment_scan(const char *text, lg_moment *out);
-/* Returns a number of seconds as it is, otherwise the seconds since the first time, exact to nanoseconds; NaN
- * if the format is not that of the first time. A time of day that is more than half a day before the last one
- * is of a later day. */
+/* Returns the seconds: a number stays as it is; for a date or a time of day they count from the first time,
+ * exact to nanoseconds. Returns NaN if the format differs from that of the first time. If a time of day lies
+ * more than half a day before the last one, it belongs to the next day. */
 double lg_clock_read(lg_clock *clock, lg_moment now);
 
 /* ---- wanted columns ---- */
