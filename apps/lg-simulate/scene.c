@@ -40,8 +40,10 @@ void block_part(const block *at, size_t component, char *text, size_t size) {
         (void)snprintf(text, size, "%zu%zu", component / 3 + 1, component % 3 + 1);
     else if (at->count == 3)
         (void)snprintf(text, size, "%c", "xyz"[component]);
+    else if (at->count > 1)
+        (void)snprintf(text, size, "%zu", component + 1);
     else
-        (void)snprintf(text, size, at->count > 1 ? "%zu" : "", component + 1);
+        text[0] = '\0';
 }
 
 const block *find_block(const simulation *sim, const char *key, size_t index) {

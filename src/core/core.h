@@ -128,9 +128,7 @@ typedef enum lg_isa { LG_ISA_BASELINE, LG_ISA_AVX2, LG_ISA_AVX512, LG_ISA_NEON, 
 /* True if the library was compiled for the set and the machine has it. */
 bool lg_isa_is_here(lg_isa isa);
 /* X(NAME, name) for each set besides the baseline for which kernels are compiled. */
-#if defined(LG_BASELINE_ALONE) /* builds with sanitizers */
-#define LG_FASTER_SETS(X)
-#elif defined(__x86_64__)
+#if defined(__x86_64__)
 #define LG_FASTER_SETS(X) X(AVX2, avx2) X(AVX512, avx512)
 #elif defined(__aarch64__)
 #define LG_FASTER_SETS(X) X(NEON, neon)

@@ -16,8 +16,7 @@ bool lg_isa_is_here(lg_isa isa) {
     switch (isa) {
     case LG_ISA_BASELINE:
         return true;
-#if defined(LG_BASELINE_ALONE)
-#elif defined(__x86_64__)
+#if defined(__x86_64__)
     case LG_ISA_AVX2:
         return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
     case LG_ISA_AVX512:
