@@ -59,38 +59,43 @@ void sample_reader_close(sample_reader *reader) {
 
 /* ---- cells ---- */
 
-static bool is_blank(char c) {
-    return c == ' ' || c == '\t' || c == '\r';
+/* Tabs are blanks, unless they separate the names. */
+static bool is_blank(const sample_reader *reader, char c) {
+    return c == ' ' || c == '\r' || (c == '\t' && reader->csv.separator != '\t');
 }
-static bool ends_field(char c) {
-    return c == ',' || c == ';' || c == '#' || c == '\0' || is_blank(c);
+static bool separates(const sample_reader *reader, char c) {
+    return c == ',' || c == ';' || (c == '\t' && !is_blank(reader, c));
 }
-static char *skip_blanks(char *p) {
-    while (is_blank(*p)) p++;
+static bool ends_field(const sample_reader *reader, char c) {
+    return separates(reader, c) || c == '#' || c == '\0' || is_blank(reader, c);
+}
+static char *skip_blanks(const sample_reader *reader, char *p) {
+    while (is_blank(reader, *p)) p++;
     return p;
 }
 
 /* Returns the end of a word that stands for a missing number, such as nan, or NULL. */
-static const char *scan_word(const char *p) {
+static const char *scan_word(const sample_reader *reader, const char *p) {
     static const char *const words[] = {"nan", "inf", "infinity", "na", "n/a", "null", "none"};
     p += *p == '-' || *p == '+';
     for (size_t i = 0; i < LG_COUNT(words); i++) {
         const size_t length = strlen(words[i]);
-        if (strncasecmp(p, words[i], length) == 0 && ends_field(p[length])) return p + length;
+        if (strncasecmp(p, words[i], length) == 0 && ends_field(reader, p[length])) return p + length;
     }
     return NULL;
 }
 
 /* Returns the end of a cell. A cell that begins with a quote ends behind the closing quote: separators
  * between the quotes belong to the cell, and two quotes stand for one. */
-static char *cell_end(char *at, char separator) {
+static char *cell_end(const sample_reader *reader, char *at) {
+    const char separator = reader->csv.separator;
     bool quoted = *at == '"';
     for (at += quoted; quoted && *at != '\0'; at++) {
         if (*at != '"') continue;
         quoted = at[1] == '"';
         at += quoted;
     }
-    while (*at != '\0' && (separator == ' ' ? !is_blank(*at) : *at != separator)) at++;
+    while (*at != '\0' && (separator == ' ' ? !is_blank(reader, *at) : *at != separator)) at++;
     return at;
 }
 
@@ -123,10 +128,26 @@ static bool add_field(sample_reader *reader, double value) {
 
 static bool reject_word(sample_reader *reader, const char *word) {
     int n = 0;
-    while (!ends_field(word[n]) && n < 23) n++;
+    while (!ends_field(reader, word[n]) && n < 23) n++;
     (void)snprintf(reader->problem, sizeof reader->problem, "'%.*s' is not a number", n, word);
     reader->words = true;
     return false;
+}
+
+/* Reads the number or time at p, which may be in quotes. Returns the end of the cell, or NULL. */
+static const char *scan_number(sample_reader *reader, const char *p, bool timed, double *value) {
+    lg_moment now;
+    const bool quoted = *p == '"';
+    p += quoted;
+    const char *next = timed ? lg_moment_scan(p, &now) : lg_decimal(p, value);
+    bool ends = next != NULL && (quoted ? *next == '"' : ends_field(reader, *next));
+    if (timed && ends) *value = read_time(reader, now);
+    if (!ends) {
+        next = quoted && *p == '"' ? p : scan_word(reader, p);
+        *value = (double)NAN;
+        ends = next != NULL && (!quoted || *next == '"');
+    }
+    return ends ? next + quoted : NULL;
 }
 
 /* Stores the numbers of a line in `field` and their count in `fields`; *open: the line ends with a separator.
@@ -140,28 +161,21 @@ static bool split_line(sample_reader *reader, char *p, bool *open) {
         if (*p == '#' && !skipped) break;
         *open = false;
         if (skipped) {
-            p = skip_blanks(cell_end(p, reader->csv.separator));
+            p = skip_blanks(reader, cell_end(reader, p));
         } else {
             double value = (double)NAN;
-            lg_moment now;
-            if (*p != ',' && *p != ';') {
-                const bool timed = is_timed(reader, column);
-                const char *next = timed ? lg_moment_scan(p, &now) : lg_decimal(p, &value);
-                if (timed && next != NULL && ends_field(*next)) value = read_time(reader, now);
-                if (next == NULL || !ends_field(*next)) {
-                    next = scan_word(p);
-                    value = (double)NAN;
-                }
+            if (!separates(reader, *p)) {
+                const char *next = scan_number(reader, p, is_timed(reader, column), &value);
                 if (next == NULL) return reject_word(reader, p);
-                p = skip_blanks(p + (next - p));
+                p = skip_blanks(reader, p + (next - p));
             }
             if (!add_field(reader, value)) return true;
         }
-        if (*p != ',' && *p != ';') continue;
+        if (!separates(reader, *p)) continue;
         if (separator != '\0' && *p != separator) return reject_word(reader, p);
         separator = *p;
         *open = true;
-        p = skip_blanks(p + 1);
+        p = skip_blanks(reader, p + 1);
     }
     return true;
 }
@@ -224,7 +238,7 @@ static sample_kind take_line(sample_reader *reader, const sample_line *line, cha
     const uint32_t timed = reader->layout == LAYOUT_TIMED;
     /* the line's last number may be cut if it ends exactly at the end of the file */
     const bool cut =
-        !line->closed && reader->lines > 0 && !ends_field(p[strlen(p) - 1]) && strchr(p, '#') == NULL;
+        !line->closed && reader->lines > 0 && !ends_field(reader, p[strlen(p) - 1]) && strchr(p, '#') == NULL;
     *time = timed ? reader->field[0] : (double)NAN;
     for (uint32_t c = 0; c < reader->channels; c++) {
         const double value = reader->field[reader->place[c] + timed];
@@ -243,7 +257,7 @@ static sample_kind take_line(sample_reader *reader, const sample_line *line, cha
 static bool is_header(sample_reader *reader, const char *line) {
     uint64_t hash = UINT64_C(0xcbf29ce484222325); /* FNV-1a, without blanks at the end */
     const char *end = line + strlen(line);
-    while (end > line && is_blank(end[-1])) end--;
+    while (end > line && is_blank(reader, end[-1])) end--;
     for (; line < end; line++) hash = (hash ^ (unsigned char)*line) * UINT64_C(0x100000001b3);
     for (uint32_t i = 0; i < reader->headers; i++)
         if (reader->header[i] == hash) return true;
@@ -263,17 +277,19 @@ static bool is_time(const char *name) {
     return false;
 }
 
-/* Reads the names of a line: separated by commas if the line has one, else by semicolons if it has one, else
- * by blanks. */
+/* Number of cells of a line. */
+static uint32_t cells_of(const sample_reader *reader) {
+    const uint32_t names = reader->frame.columns;
+    return names > 0 ? names : reader->channels + (reader->layout == LAYOUT_TIMED);
+}
+
+/* Reads the names of a line. If it has no separators, blanks separate them. */
 static lg_frame read_names(sample_reader *reader, const char *line) {
     lg_frame read = {.shown = reader->csv.shown, .place = "line", .header = (size_t)reader->line};
     APP_FREE char *text = app_format("%s", line);
     lg_csv *csv = &reader->csv;
-    bool open;
     char *at = text, *cell;
-    csv->separator = lg_csv_count(text, ',', &open) > 1   ? ','
-                     : lg_csv_count(text, ';', &open) > 1 ? ';'
-                                                          : ' ';
+    csv->separator = lg_csv_separator(text, ' ');
     if (csv->separator == ' ') lg_csv_join_blanks(text, ' ');
     while (at != NULL && lg_csv_cell(csv, &at, &cell, NULL) == LG_OK && (at != NULL || *cell != '\0'))
         if (lg_frame_add_name(&read, cell, NULL) != LG_OK) break;
@@ -327,15 +343,14 @@ static bool same_names(const lg_frame *a, const lg_frame *b) {
 static lg_status take_names(sample_reader *reader, char *line, bool comment, bool known) {
     lg_frame *f = &reader->frame;
     const char separator = reader->csv.separator;
-    const uint32_t cells = f->columns > 0 ? f->columns : reader->channels + (reader->layout == LAYOUT_TIMED);
     uint32_t found = 0;
     if (reader->names == NULL) return LG_OK;
-    line = skip_blanks(line);
+    line = skip_blanks(reader, line);
     lg_frame now = read_names(reader, line + (comment && (*line == ',' || *line == ';')));
     now.want = reader->want;
     now.wants = reader->channels;
     const bool first = reader->lines == 0 && f->columns == 0, same = same_names(&now, f),
-               strict = !comment && (first || (!known && now.columns == cells));
+               strict = !comment && (first || (!known && now.columns == cells_of(reader)));
     const lg_status status = lg_frame_find(&now, strict ? &reader->error : NULL);
     for (uint32_t c = 0; status == LG_OK && c < reader->channels; c++) found += reader->want[c].there;
     if ((found == reader->channels && !same) || (strict && (found > 0 || status != LG_OK))) {
@@ -396,7 +411,7 @@ static void look_ahead(sample_reader *reader) {
         if (!read_file_line(reader, line)) break;
         line->text = app_format("%s", line->text);
         reader->looked++;
-        decided = !line->cut && elect(reader, skip_blanks(line->text), votes, &names, &first);
+        decided = !line->cut && elect(reader, skip_blanks(reader, line->text), votes, &names, &first);
     }
     reader->clock = (lg_clock){.format = LG_TIME_NONE};
     /* A line of names alone does not decide. */
@@ -406,12 +421,19 @@ static void look_ahead(sample_reader *reader) {
                                                                   : first;
 }
 
+static bool hides_row(const sample_reader *reader, const char *line) {
+    const bool named = reader->frame.columns > 0;
+    const lg_csv as = {.separator = named ? reader->csv.separator : lg_csv_separator(line, ' '),
+                       .cells = cells_of(reader)};
+    return reader->layout != LAYOUT_UNKNOWN && lg_csv_hides_row(&as, line);
+}
+
 sample_kind sample_next(sample_reader *reader, float *sample, double *time) {
     sample_line line;
     if (reader->looked == 0) look_ahead(reader);
     while (reader->given < reader->looked || read_file_line(reader, &line)) {
         if (reader->given < reader->looked) line = reader->ahead[reader->given++];
-        char *text = skip_blanks(line.text);
+        char *text = skip_blanks(reader, line.text);
         *time = (double)NAN;
         reader->line = line.number;
         if (line.cut) {
@@ -422,6 +444,12 @@ sample_kind sample_next(sample_reader *reader, float *sample, double *time) {
         }
         const size_t sign = lg_csv_comment(text);
         if (sign > 0 && take_names(reader, text + sign, true, false) != LG_OK) break;
+        if (sign > 0 && hides_row(reader, text)) {
+            reader->lines++;
+            (void)snprintf(reader->problem, sizeof reader->problem,
+                           "begins as a comment, but has as many cells as a row");
+            return SAMPLE_MALFORMED;
+        }
         if (sign > 0 || *text == '\0') continue;
         const sample_kind kind = take_line(reader, &line, text, sample, time);
         if (kind == SAMPLE_MALFORMED && (reader->words || reader->fields == 0)) {

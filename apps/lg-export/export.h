@@ -344,8 +344,6 @@ char *export_name_from(const char *file);
  * lg-export as its writer. Files of other formats must hold the words "lg-export: NAME" in their first 500
  * bytes. A %s in the name stands for the model's name. */
 text *export_add_file(export_source *source, const char *name);
-/* Adds lines (without comment signs, any bytes) as lines inside a comment, and breaks long ones. */
-void export_add_lines(text *to, const char *lines);
 /* Add what the numbers of x and u are, and the delay of the inputs: export_tell_words as plain lines,
  * export_add_words as lines inside a comment. */
 void export_tell_words(const export_source *source, text *to);

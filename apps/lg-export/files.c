@@ -34,7 +34,8 @@ static void add_wrapped(text *to, const char *line, const char *end) {
     }
 }
 
-void export_add_lines(text *to, const char *lines) {
+/* Adds lines (without comment signs, any bytes) as lines inside a comment, and breaks long ones. */
+static void add_lines(text *to, const char *lines) {
     APP_CLEAN(lg_text_destroy) text safe = app_text();
     lg_text_add_comment(&safe, lines != NULL ? lines : "");
     for (const char *line = safe.data; line != NULL && *line != '\0';) {
@@ -55,7 +56,7 @@ void export_tell_words(const export_source *source, text *to) {
 void export_add_words(const export_source *source, text *to) {
     APP_CLEAN(lg_text_destroy) text lines = app_text();
     export_tell_words(source, &lines);
-    export_add_lines(to, lines.data);
+    add_lines(to, lines.data);
 }
 
 static const char unfit_inputs[] =
@@ -103,7 +104,7 @@ static void add_header(const export_source *source, text *to) {
     lg_text_add(to, "/* %s: written by lg-export of liegrad %s from the model ", name, lg_version());
     lg_text_add_comment(to, source->options->file);
     lg_text_add(to, "\n * (SHA-256 %s).\n *\n", sha256[0] != '\0' ? sha256 : "unknown");
-    export_add_lines(to, source->about.data);
+    add_lines(to, source->about.data);
     lg_text_add_named(to, name, export_fragment_text("usage.cin"));
     if (source->bundle || valued) lg_text_add_named(to, name, valued ? unfit_inputs : unfit_bundle);
     lg_text_add(to, "%s#ifndef %s_H\n#define %s_H\n\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n", flags,

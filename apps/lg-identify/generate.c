@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "core/text.h"
+#include "files/frame.h"
 #include "lg-identify/identify.h"
 #include "liegrad/geometry.h"
 #include "machine/files/log_table.h"
@@ -45,10 +46,11 @@ typedef struct making {
     lg_machine_file file;
     size_t runs, rows, delay;
     double t_end;
-    double *given;          /* Inputs, (runs, rows + delay, inputs). */
-    identify_log made;      /* The runs' initial states and inputs. */
-    identify_runs motion;   /* The motion of the machine. */
-    lg_machine_data inputs; /* The inputs read from FILE.csv. */
+    double *given;        /* Inputs, (runs, rows + delay, inputs). */
+    identify_log made;    /* The runs' initial states and inputs. */
+    identify_runs motion; /* The motion of the machine. */
+    lg_frame inputs;      /* The times and inputs of FILE.csv. */
+    size_t inputs_end;    /* Number of its rows. */
     uint32_t substeps;
     double accuracy;
 } making;
@@ -107,53 +109,48 @@ static size_t find_form(void) {
     return form;
 }
 
-/* Writes a machine file in which the columns of the inputs are positions, so that FILE.csv can be read as a
- * log. */
-static void put_inputs(const lg_machine_file *file, lg_text *to) {
-    lg_text_add(to, "columns: {time: '%s'", file->columns[file->time].name);
-    if (file->run < file->column_count) lg_text_add(to, ", run: '%s'", file->columns[file->run].name);
-    lg_text_add(to, "}\nmeasured: positions\ncoordinates:\n");
-    for (uint32_t c = 0, k = 0; c < file->column_count; c++)
-        if (file->columns[c].role == LG_LOG_INPUT)
-            lg_text_add(to, "  - {name: c%u, kind: line, columns: '%s'}\n", k++, file->columns[c].name);
-}
-
+/* Reads the times and inputs of FILE.csv. They end before the first time that does not increase. */
 static void read_inputs(const app *self, making *m) {
+    lg_frame *f = &m->inputs;
     const char *path = values.excitation;
-    lg_log_options how;
-    APP_CLEAN(lg_text_destroy) lg_text text = app_text();
-    put_inputs(&m->file, &text);
-    lg_log_options_init(&how);
-    APP_MUST_FILE(self, path,
-                  lg_machine_file_parse(self->context, self->arguments[0], text.data, text.length,
-                                        &m->inputs.file, &error));
-    APP_MUST_FILE(self, path,
-                  lg_logs_read(self->context, &m->inputs.file, &path, 1, &how, &m->inputs.logs, &error));
-    const lg_machine_log *log = &m->inputs.logs.log;
-    const double length = log->t[log->first[1] - 1] - log->t[0];
+    lg_frame_want *want = app_keep(1 + (size_t)m->file.machine.input_count, sizeof *want);
+    *f = (lg_frame){.context = self->context, .path = path, .what = "log", .want = want, .wants = 1};
+    want[0] = (lg_frame_want){.name = m->file.columns[m->file.time].name, .as = LG_FRAME_TIME};
+    for (uint32_t c = 0; c < m->file.column_count; c++)
+        if (m->file.columns[c].role == LG_LOG_INPUT) want[f->wants++].name = m->file.columns[c].name;
+    APP_MUST_FILE(self, path, lg_frame_open(f, &error));
+    APP_MUST_FILE(self, path, lg_frame_next(f, SIZE_MAX, &error));
+    const double *t = f->value;
+    for (size_t i = 0; i < f->rows * f->width; i++)
+        if (isnan(f->value[i]))
+            APP_MUST_FILE(
+                self, path,
+                lg_frame_fail(f, i / f->width, want[i % f->width].name, &error, "the value is missing"));
+    for (m->inputs_end = f->rows > 0; m->inputs_end < f->rows; m->inputs_end++)
+        if (!(t[m->inputs_end * f->width] > t[(m->inputs_end - 1) * f->width])) break;
+    const double length = m->inputs_end > 0 ? t[(m->inputs_end - 1) * f->width] - t[0] : 0;
     if (!app_given(self, "t-end")) m->t_end = length;
-    if (m->t_end > length * (1 + 1e-9) + values.dt)
-        app_stop(
-            self, LG_FORMAT,
-            "%s: its first part without a gap is %.4g s long, but a run takes %.4g s: give a smaller --t-end",
-            path, length, m->t_end);
+    if (m->t_end > length * (1 + 1e-9) + values.dt || m->inputs_end == 0)
+        app_stop(self, LG_FORMAT,
+                 "%s: its times rise for %.4g s, but a run takes %.4g s: give a smaller --t-end", path,
+                 length, m->t_end);
 }
 
 /* Takes the file's inputs at the times of the rows: held, or interpolated linearly between two rows. */
 static void take_inputs(const making *m, size_t run) {
-    const lg_machine_log *log = &m->inputs.logs.log;
-    const size_t inputs = m->file.machine.input_count, end = log->first[1], all = m->rows + m->delay;
+    const lg_frame *f = &m->inputs;
+    const size_t inputs = m->file.machine.input_count, all = m->rows + m->delay;
     size_t at = 0;
     for (size_t row = 0; row < all; row++) {
-        const double t = log->t[0] + values.dt * (double)row;
-        while (at + 1 < end && log->t[at + 1] <= t + 1e-9 * values.dt) at++;
-        const double h = at + 1 < end ? log->t[at + 1] - log->t[at] : 1,
-                     s = fmin(1, fmax(0, (t - log->t[at]) / h));
-        for (uint32_t c = 0, k = 0; c < m->file.column_count; c++) {
+        const double time = f->value[0] + values.dt * (double)row;
+        while (at + 1 < m->inputs_end && f->value[(at + 1) * f->width] <= time + 1e-9 * values.dt) at++;
+        const double *now = f->value + at * f->width, *next = at + 1 < m->inputs_end ? now + f->width : now,
+                     s = next > now ? fmin(1, fmax(0, (time - now[0]) / (next[0] - now[0]))) : 0;
+        for (uint32_t c = 0, k = 1; c < m->file.column_count; c++) {
             const lg_log_column *column = &m->file.columns[c];
             if (column->role != LG_LOG_INPUT) continue;
-            const double a = log->q[at * inputs + k], b = at + 1 < end ? log->q[(at + 1) * inputs + k] : a;
-            const double value = m->file.inputs[column->index].hold == LG_HOLD_ZERO ? a : a + s * (b - a);
+            const bool held = m->file.inputs[column->index].hold == LG_HOLD_ZERO;
+            const double value = held ? now[k] : now[k] + s * (next[k] - now[k]);
             m->given[(run * all + row) * inputs + column->index] = column->scale * value;
             k++;
         }
@@ -392,7 +389,7 @@ static void begin(const app *self, making *m) {
 }
 
 static void making_end(making *m) {
-    lg_machine_data_destroy(&m->inputs);
+    lg_frame_close(&m->inputs);
     lg_machine_file_destroy(&m->file);
 }
 

@@ -1,7 +1,8 @@
 /* J = sum w_k y_k at the final time, and its gradient with respect to the start and the parameters. */
 #include "lg-simulate/simulate.h"
 
-#include <errno.h>
+#include "files/read_file.h"
+
 #include <string.h>
 
 enum { MAX_TEXT = 1 << 26 };
@@ -9,13 +10,11 @@ enum { MAX_TEXT = 1 << 26 };
 /* ---- weights ---- */
 
 static char *read_text(const app *self, const char *path) {
-    FILE *file = fopen(path, "r");
     char *text = app_alloc(MAX_TEXT, 1);
-    const size_t used = file != NULL ? fread(text, 1, MAX_TEXT - 1, file) : 0;
-    if (file == NULL || ferror(file))
-        app_stop(self, LG_FILE, "%s: cannot be read: %s", path, strerror(errno));
-    if (!feof(file) || strlen(text) != used) app_stop(self, LG_FILE, "%s: is not a list of numbers", path);
-    (void)fclose(file);
+    size_t used = 0;
+    APP_MUST_FILE(self, path, lg_read_first(path, text, MAX_TEXT - 1, &used, &error));
+    if (used == MAX_TEXT - 1 || strlen(text) != used)
+        app_stop(self, LG_FILE, "%s: is not a list of numbers", path);
     return text;
 }
 

@@ -203,6 +203,11 @@ static void read_table(vary *self, const char *path) {
     APP_MUST_FILE(
         sim->self, path,
         lg_table_read(sim->self->context, path, chosen, names.count, NULL, NULL, &self->table, &error));
+    const lg_table_data *t = &self->table;
+    for (size_t i = 0; i < t->rows * t->columns; i++)
+        if (isnan(t->values[i]))
+            app_stop(sim->self, LG_FORMAT, "%s: %s %zu: column %s: the value is missing", path, t->place,
+                     t->line[i / t->columns], chosen[i % t->columns]);
 }
 
 vary *vary_open(const simulation *sim, const char *text, const char *table, size_t *rows, bool *parameters) {

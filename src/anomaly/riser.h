@@ -119,8 +119,6 @@ typedef struct lg_riser_motion {
  * dashpots and drag. Error LG_INVALID_ARGUMENT: a matrix is not positive definite. */
 lg_status lg_riser_motion_init(const lg_riser_parameters *p, double dt, bool damped, double drag_scale,
                                lg_riser_motion *out);
-/* Takes over a changed severity of the damage; positions, velocities and accelerations stay as they are. */
-lg_status lg_riser_motion_change(lg_riser_motion *motion, const lg_riser_parameters *p, bool damped);
 /* Computes the accelerations at the current positions and velocities. water: 2 LG_RISER_STATE numbers of
  * lg_water_at. */
 void lg_riser_motion_start(lg_riser_motion *motion, const double *water);

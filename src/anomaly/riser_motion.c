@@ -67,7 +67,8 @@ static lg_status make_operator(const lg_riser_motion *m, const double *c, double
     return LG_OK;
 }
 
-lg_status lg_riser_motion_change(lg_riser_motion *m, const lg_riser_parameters *p, bool damped) {
+/* Takes over a changed severity of the damage; positions, velocities and accelerations stay as they are. */
+static lg_status change(lg_riser_motion *m, const lg_riser_parameters *p, bool damped) {
     double none[LG_RISER_MATRIX] = {0.0};
     const double *c = damped ? m->matrices.damping : none;
     lg_wellhead_make(p, &m->wellhead);
@@ -90,7 +91,7 @@ lg_status lg_riser_motion_init(const lg_riser_parameters *p, double dt, bool dam
     for (size_t s = 0; s < LG_RISER_DOF; s++)
         out->drag[s] = scale * (s == 0 ? bop : s == 1 ? segment / 2.0 : segment);
     lg_riser_matrices_make(p, &out->matrices);
-    return lg_riser_motion_change(out, p, damped);
+    return change(out, p, damped);
 }
 
 /* ---- a step ---- */
@@ -328,7 +329,7 @@ static lg_status take_sample(simulation *s, size_t number, float *sample) {
     double clean[LG_RISER_CHANNELS];
     LG_TRY(advance(s, s->discarded + number * s->steps));
     if (number == s->crack) {
-        LG_TRY(lg_riser_motion_change(&s->motion, p, true));
+        LG_TRY(change(&s->motion, p, true));
         lg_riser_motion_start(&s->motion, lg_water_at(&s->water, s->step));
     }
     measure(s, clean);

@@ -120,7 +120,6 @@ static inline double lg_certify_size(double low, double high) {
  * part (NULL: none): how much each k_i adds, about. */
 double lg_certify_form(size_t n, const double *low, const double *high, const double *r, double *part);
 /* certify_boxes.c: works on the stack. */
-lg_status lg_certify_push(lg_certify *c, const double *low, const double *high);
 lg_status lg_certify_begin(lg_certify *c, lg_certify_phase phase);
 lg_status lg_certify_work(lg_certify *c);
 /* The proof has failed on this box (low, high). */

@@ -7,7 +7,7 @@
 #include "certify/certify.h"
 #include "core/widen.h"
 
-lg_status lg_certify_push(lg_certify *c, const double *low, const double *high) {
+static lg_status push(lg_certify *c, const double *low, const double *high) {
     const size_t n = c->n;
     if (c->stacked == c->capacity) {
         const size_t capacity = c->capacity == 0 ? 4096 : 2 * c->capacity;
@@ -146,7 +146,7 @@ static lg_status halve(lg_certify *c, double *box, const lg_certify_box *f) {
         const bool upper = (half == 1) == (middle < 0);
         box[f->split] = upper ? middle : low;
         box[c->n + f->split] = upper ? high : middle;
-        LG_TRY(lg_certify_push(c, box, box + c->n));
+        LG_TRY(push(c, box, box + c->n));
     }
     return LG_OK;
 }
@@ -159,7 +159,7 @@ static lg_status push_faces(lg_certify *c) {
         memcpy(low, c->from, sizeof low);
         memcpy(high, c->to, sizeof high);
         *(i % 2 == 0 ? &high[i / 2] : &low[i / 2]) = i % 2 == 0 ? low[i / 2] : high[i / 2];
-        LG_TRY(lg_certify_push(c, low, high));
+        LG_TRY(push(c, low, high));
     }
     return LG_OK;
 }
@@ -172,7 +172,7 @@ static lg_status push_domain(lg_certify *c) {
     memcpy(low, c->from, sizeof low);
     for (size_t i = 0; i < c->n; i++) half = half && c->from[i] == -c->to[i];
     if (half) low[0] = 0;
-    return lg_certify_push(c, low, c->to);
+    return push(c, low, c->to);
 }
 
 lg_status lg_certify_begin(lg_certify *c, lg_certify_phase phase) {

@@ -223,8 +223,6 @@ lg_status lg_policy_run(const lg_policy *policy, const lg_policy_trial *trial, l
  * lg_policy_evaluate. */
 lg_status lg_policy_try(const lg_policy *policy, const lg_policy_trial *trial, const double *x, size_t n,
                         lg_policy_outcome *out, lg_policy_runs *wanted, lg_error *error);
-/* The machine of piece `piece` of disturbed runs: the policy or one of its draws. */
-const lg_policy *lg_policy_drawn(const lg_policy *policy, uint64_t piece);
 /* The noise of `periods` periods (periods, LG_POLICY_ROWS, n) and which of the runs of a piece are late
  * (LG_POLICY_ROWS), 0 or 1. */
 void lg_policy_draw_noise(const lg_policy *policy, uint64_t seed, uint64_t piece, size_t periods,

@@ -137,8 +137,10 @@ lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error) {
         return LG_OK;
     }
     const size_t next = c->lines + 1;
-    do LG_TRY(lg_csv_next(c, more, error));
-    while (*more && is_empty(c));
+    do {
+        LG_TRY(lg_csv_next(c, more, error));
+        if (*more && lg_csv_hides_row(c, c->line) && c->hidden++ == 0) c->first_hidden = c->number;
+    } while (*more && is_empty(c));
     if (*more && c->ours && c->number > next)
         return lg_fail(error, LG_FORMAT, "%s: line %zu: is blank or a comment: remove it", c->shown, next);
     if (c->blanks) lg_csv_join_blanks(c->line, c->separator);
@@ -207,10 +209,10 @@ size_t lg_csv_count(const char *line, char separator, bool *open) {
     return count;
 }
 
-static char separator_of(const char *line) {
+char lg_csv_separator(const char *line, char otherwise) {
     static const char candidates[] = {',', ';', '\t'};
     size_t most = 1;
-    char best = ',';
+    char best = otherwise;
     bool open;
     for (size_t i = 0; i < sizeof candidates; i++) {
         const size_t count = lg_csv_count(line, candidates[i], &open);
@@ -237,6 +239,12 @@ static size_t count_numbers(const char *line, char separator, bool *counting) {
         at = end != NULL ? end + 1 : NULL;
     }
     return numbers;
+}
+
+bool lg_csv_hides_row(const lg_csv *c, const char *line) {
+    bool open, counting;
+    return lg_csv_comment(line) > 0 && c->cells > 1 && lg_csv_count(line, c->separator, &open) == c->cells &&
+           count_numbers(line, c->separator, &counting) > 0;
 }
 
 static lg_status keep_comment(lg_csv *c, lg_error *error) {
@@ -316,7 +324,7 @@ lg_status lg_csv_header(lg_csv *c, lg_error *error) {
         if (!is_empty(c)) break;
     }
     if (strchr(c->line, '\r') != NULL && strchr(c->line, '"') == NULL) return lg_csv_fail(c, error, CR_ALONE);
-    c->separator = separator_of(c->line);
+    c->separator = lg_csv_separator(c->line, ',');
     c->cells = lg_csv_count(c->line, c->separator, &open);
     if (open) return lg_csv_fail(c, error, "a quote is not closed");
     if (c->cells == 1 && c->comments > 0) LG_TRY(split_blanks(c, error));

@@ -41,6 +41,8 @@ typedef struct lg_csv {
     bool blanks; /* blanks separate the cells of the rows */
     char separator;
     size_t cells; /* number of cells of the header */
+    size_t hidden,
+        first_hidden; /* comments that look like rows: their number, and the line of the first one */
 } lg_csv;
 
 /* `what` names the kind of file in error messages: "log", "table". lg_csv_close may be called after a failure
@@ -56,10 +58,15 @@ void lg_csv_close(lg_csv *c);
 lg_status lg_csv_next(lg_csv *c, bool *more, lg_error *error);
 /* Number of cells of a line. *open: a quote is not closed. */
 size_t lg_csv_count(const char *line, char separator, bool *open);
+/* Returns the separator of which the line has most: a comma, a semicolon or a tab. */
+char lg_csv_separator(const char *line, char otherwise);
 /* Makes each stretch of blanks between words one separator. */
 void lg_csv_join_blanks(char *line, char separator);
 /* Returns the length of the sign (#, % or //) with which a comment begins; 0 if the line is not a comment. */
 size_t lg_csv_comment(const char *line);
+/* Returns whether a comment has as many cells as the header and a number in one of them, as the row "#N/A,2"
+ * or a row that someone has commented out. */
+bool lg_csv_hides_row(const lg_csv *c, const char *line);
 /* Reads the next line that is neither blank nor a comment. *more becomes false after the last line. */
 lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error);
 /* Reads the header line and finds the separator. Fails if the line has numbers where names are expected and
@@ -109,21 +116,24 @@ lg_status lg_columns_write(lg_columns *to, const lg_context *context, const char
 
 /* ---- lists of names ---- */
 
-enum { LG_CSV_QUOTED = 2 * 64 + 2 };
+typedef struct lg_csv_quoted {
+    char text[2 * 64 + 2];
+} lg_csv_quoted;
 /* Formats a name for a list with commas. Names with a comma, a quote or a blank at an end are quoted, as in
- * CSV. Returns `out` (LG_CSV_QUOTED bytes). A name of 64 bytes or more is cut. */
-static inline const char *lg_csv_quote(const char *name, char *out) {
+ * CSV. A name of 64 bytes or more is cut. */
+static inline lg_csv_quoted lg_csv_quote(const char *name) {
+    lg_csv_quoted out;
     const size_t length = strnlen(name, 63);
     const bool plain =
         strpbrk(name, ",\"") == NULL && length > 0 && name[0] != ' ' && name[length - 1] != ' ';
     size_t used = 0;
-    if (!plain) out[used++] = '"';
+    if (!plain) out.text[used++] = '"';
     for (const char *c = name; c < name + length; c++) {
-        if (*c == '"') out[used++] = '"';
-        out[used++] = *c;
+        if (*c == '"') out.text[used++] = '"';
+        out.text[used++] = *c;
     }
-    if (!plain) out[used++] = '"';
-    out[used] = '\0';
+    if (!plain) out.text[used++] = '"';
+    out.text[used] = '\0';
     return out;
 }
 

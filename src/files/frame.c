@@ -54,8 +54,7 @@ lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error) {
 
 static lg_status missing_column(lg_frame *f, const char *name, lg_error *error) {
     lg_name_list have = {.used = 0};
-    char quoted[LG_CSV_QUOTED];
-    for (uint32_t i = 0; i < f->columns; i++) lg_name_list_add(&have, lg_csv_quote(f->name[i], quoted));
+    for (uint32_t i = 0; i < f->columns; i++) lg_name_list_add(&have, lg_csv_quote(f->name[i]).text);
     return lg_frame_fail(f, 0, NULL, error, "there is no column '%s'; the columns are: %s%s%s", name,
                          lg_tamed(have.text), f->note.used > 0 ? "; " : "", lg_tamed(f->note.text));
 }

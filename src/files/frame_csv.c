@@ -33,9 +33,11 @@ static lg_status read_row(lg_frame *f, lg_csv *c, lg_error *error) {
     if (f->cut) return LG_OK;
     LG_TRY(lg_frame_reserve(f, row + 1, error));
     f->line[row] = c->number;
-    for (uint32_t i = 0; at != NULL; i++) {
+    for (uint32_t i = 0; i < f->columns || at != NULL; i++) {
+        if (i == f->columns || at == NULL)
+            return lg_csv_fail(c, error,
+                               "a cell has a quote inside: put the cell in quotes, and double this one");
         LG_TRY(lg_csv_cell(c, &at, &cell, error));
-        if (i == f->columns) return lg_csv_fail(c, error, "a cell has a quote inside");
         LG_TRY(lg_frame_put_cell(f, row, i, cell, c->quoted, error));
     }
     f->rows++;
@@ -49,9 +51,20 @@ static lg_status read_row(lg_frame *f, lg_csv *c, lg_error *error) {
 
 static lg_status read_rows(lg_frame *f, size_t most, lg_error *error) {
     for (bool more = true; f->rows < most && !f->cut;) {
-        LG_TRY(lg_csv_line(f->source, &more, error));
-        if (!more) return LG_OK;
-        LG_TRY(read_row(f, f->source, error));
+        lg_csv *c = f->source;
+        LG_TRY(lg_csv_line(c, &more, error));
+        if (more) {
+            LG_TRY(read_row(f, c, error));
+            continue;
+        }
+        if (c->hidden > 0)
+            lg_log_message(
+                f->context, LG_LOG_WARNING,
+                "%s: %zu lines with as many cells as a row were left out as comments, the first is line %zu: "
+                "if they are rows, put their first cell in quotes",
+                c->shown, c->hidden, c->first_hidden);
+        c->hidden = 0;
+        break;
     }
     return LG_OK;
 }

@@ -140,6 +140,7 @@ static void add_members(h5_file *h, const source *table) {
  * a single number or text, which no one takes for a column unless its name is wanted. */
 static const char *look(const h5_file *h, const char *name, source *s, lg_error *error) {
     const bool wanted = h->frame->wants > 0;
+    char class[LG_FRAME_NAME] = "";
     LG_QUIET;
     LG_ID object = H5Oopen(h->h5->file, name, h->h5->links);
     if (object < 0) return "is a link that leads nowhere or out of the file";
@@ -148,6 +149,11 @@ static const char *look(const h5_file *h, const char *name, source *s, lg_error 
     if (lg_h5_look(h->h5, name, sizeof(double), &s->about, error) != LG_OK)
         return strrchr(error->message, ':') + 2;
     if (s->about.rank < 1) return wanted ? "is a single number or text" : "";
+    (void)lg_h5_text(h->h5, name, "MATLAB_class", class, sizeof class, NULL);
+    if (strcmp(class, "char") == 0) return "is a char array of MATLAB: write numbers, or a list of texts";
+    if (lg_h5_has_attribute(h->h5, name, "MATLAB_empty")) return "is empty";
+    if (lg_h5_has_attribute(h->h5, name, "scale_factor") || lg_h5_has_attribute(h->h5, name, "add_offset"))
+        return "is packed (scale_factor, add_offset): write the values themselves";
     if (lg_h5_is_vector(&s->about) || s->about.rank == 1 || s->about.count == 1) return NULL;
     if (s->about.rank > 2) return s->about.rank == 3 ? "has 3 dimensions" : "has 4 dimensions";
     return is_numbers(&s->about) ? NULL : "is a matrix, but not of numbers";
@@ -184,7 +190,8 @@ static lg_status add_columns(h5_file *h, source *s, lg_error *error) {
                                                                   : NULL;
     if (why != NULL) return leave_out(h, s, why), LG_OK;
     s->columns = (uint32_t)columns;
-    if (s->columns > 1) return name_columns(h, s, error);
+    if (s->columns > 1 || (about->rank == 2 && lg_h5_has_attribute(h->h5, s->name, "columns")))
+        return name_columns(h, s, error);
     return lg_frame_add_name(h->frame, s->member[0] != '\0' ? s->member : s->name, error);
 }
 

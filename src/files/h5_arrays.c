@@ -52,6 +52,11 @@ lg_status lg_h5_fit(lg_h5 *h5, const lg_h5_array *a, size_t bytes, bool words, l
     if (about->rank != rank_of(a))
         return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %u, expected %u: (%s)", shown, a->name,
                        about->rank, rank_of(a), show(a, NULL, want));
+    if (about->rank > 1 && !lg_h5_is_vector(about) && lg_h5_has_attribute(h5, a->name, "MATLAB_class"))
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /%s: MATLAB has saved it with its dimensions in reverse order: write it with "
+                       "h5write and permute(x, %u:-1:1)",
+                       shown, a->name, about->rank);
     for (uint32_t i = 0; i < about->rank; i++)
         fits = fits && (a->dims[i]->n > 0 ? about->dims[i] == a->dims[i]->n : about->dims[i] > 0);
     if (!fits)

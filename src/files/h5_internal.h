@@ -55,8 +55,6 @@ typedef struct lg_dataset {
 #define LG_DATASET(name)                                                                                     \
     LG_CLEAN(lg_dataset_close) lg_dataset name = {.set = H5I_INVALID_HID, .type = H5I_INVALID_HID}
 
-/* Opens a data set of any type. Fails with LG_FORMAT if it exceeds max_size at `bytes` bytes per element. */
-lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d, lg_error *error);
 /* Opens the data set of a slice, checks that the slice lies in it, and selects the slice in *part. The caller
  * closes both, also after a failure. */
 lg_status lg_slice_open(lg_h5 *h5, const lg_h5_slice *slice, size_t bytes, lg_dataset *d, hid_t *part,

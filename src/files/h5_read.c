@@ -162,7 +162,8 @@ static lg_status read_extent(const lg_h5 *h5, const char *name, size_t bytes, lg
     return LG_OK;
 }
 
-lg_status lg_dataset_open(lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d, lg_error *error) {
+/* Opens a data set of any type. Fails with LG_FORMAT if it exceeds max_size at `bytes` bytes per element. */
+static lg_status open_set(lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d, lg_error *error) {
     if (!lg_path_exists(h5, name))
         return lg_fail(error, LG_NOT_FOUND, "%s: has no /%s", lg_shown_path(h5->path), name);
     d->set = H5Oopen(h5->file, name, h5->links);
@@ -197,7 +198,7 @@ bool lg_is_number(hid_t type) {
 }
 
 static lg_status open_numbers(lg_h5 *h5, const char *name, lg_dataset *d, lg_error *error) {
-    LG_TRY(lg_dataset_open(h5, name, sizeof(double), d, error));
+    LG_TRY(open_set(h5, name, sizeof(double), d, error));
     return lg_is_number(d->type) ? LG_OK : lg_dataset_error(h5, name, "does not hold numbers", error);
 }
 
@@ -406,7 +407,7 @@ static void describe(const lg_dataset *d, lg_h5_about *out) {
 lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out, lg_error *error) {
     LG_QUIET;
     LG_DATASET(d);
-    LG_TRY(lg_dataset_open(h5, name, bytes, &d, error));
+    LG_TRY(open_set(h5, name, bytes, &d, error));
     describe(&d, out);
     return LG_OK;
 }
@@ -426,7 +427,7 @@ lg_status lg_h5_look_member(lg_h5 *h5, const char *name, uint32_t index, char *t
                             lg_h5_about *out, lg_error *error) {
     LG_QUIET;
     LG_DATASET(d);
-    LG_TRY(lg_dataset_open(h5, name, sizeof(double), &d, error));
+    LG_TRY(open_set(h5, name, sizeof(double), &d, error));
     char *member = H5Tget_member_name(d.type, index);
     const bool fits = member != NULL && strlen(member) < size;
     if (fits) (void)snprintf(text, size, "%s", member);
@@ -440,7 +441,7 @@ lg_status lg_h5_look_member(lg_h5 *h5, const char *name, uint32_t index, char *t
 static lg_status get_all(lg_h5 *h5, const char *name, hid_t memory, void *out, lg_error *error) {
     LG_QUIET;
     LG_DATASET(d);
-    LG_TRY(lg_dataset_open(h5, name, sizeof(double), &d, error));
+    LG_TRY(open_set(h5, name, sizeof(double), &d, error));
     return d.count > 0 ? read_all(h5, name, &d, memory, out, error) : LG_OK;
 }
 
@@ -455,7 +456,7 @@ uint64_t lg_h5_block(const lg_h5_about *about, uint32_t axis) {
 lg_status lg_slice_open(lg_h5 *h5, const lg_h5_slice *slice, size_t bytes, lg_dataset *d, hid_t *part,
                         lg_error *error) {
     hsize_t start[LG_MAX_RANK] = {0}, extent[LG_MAX_RANK] = {0};
-    LG_TRY(lg_dataset_open(h5, slice->name, bytes, d, error));
+    LG_TRY(open_set(h5, slice->name, bytes, d, error));
     if (slice->member != NULL)
         LG_TRY(choose_member(h5, slice->name, d, slice->member, H5Tget_member_index(d->type, slice->member),
                              error));

@@ -268,8 +268,6 @@ void lg_machine_reference(const lg_machine *machine, double *positions);
  * at the reference. */
 lg_status lg_machine_record_rest(lg_tape *tape, const lg_machine_vars *vars, const double *positions,
                                  lg_var *parts);
-/* Whether a mass of the machine is a network. */
-bool lg_machine_mass_learned(const lg_machine *machine);
 
 /* Most numbers of a term's features. */
 #define LG_MACHINE_FEATURE_NUMBERS (12 * LG_MACHINE_FEATURES)
@@ -412,9 +410,6 @@ lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow,
  * (B, 1) of each row's interval, all in scaled units. */
 lg_status lg_machine_record_interval_of(lg_tape *tape, const lg_machine_flow *flow, const lg_var *u, lg_var h,
                                         lg_var *parts);
-/* The inputs (B, inputs) right after rows at[0..count-1], after their lags; LG_NONE: no inputs. */
-lg_status lg_machine_record_inputs(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
-                                   const size_t *at, uint32_t count, lg_var *u);
 /* Accelerations v' (B, velocities) of the states `parts` with the inputs u, plus the biases of their sensors;
  * lines and angles only. `stuck`: v' of a machine that sticks, else LG_NONE. */
 lg_var lg_machine_record_accelerations(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts,

@@ -67,6 +67,13 @@ static double nearest(const lg_machine_problem *problem, size_t windows, const d
     return sqrt(least);
 }
 
+/* Whether a mass of the machine is a network. */
+static bool is_learned(const lg_machine *machine) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].part == LG_MACHINE_MASS && machine->terms[i].kind->outputs != NULL) return true;
+    return false;
+}
+
 bool lg_machine_mass_at(const lg_machine_problem *problem, double *positions) {
     static const double near = 0.1;
     const lg_machine *machine = problem->machine;
@@ -74,7 +81,7 @@ bool lg_machine_mass_at(const lg_machine_problem *problem, double *positions) {
     double mean[MOST], variance[MOST], reference[MOST] = {0.0};
     size_t at = 0;
     lg_machine_reference(machine, positions);
-    if (!lg_machine_mass_learned(machine)) return false;
+    if (!is_learned(machine)) return false;
     if (windows == 0) return true;
     measure(problem, windows, mean, variance);
     (void)embed(machine, positions, reference);
@@ -85,12 +92,6 @@ bool lg_machine_mass_at(const lg_machine_problem *problem, double *positions) {
 }
 
 /* ---- numbers with names ---- */
-
-bool lg_machine_mass_learned(const lg_machine *machine) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == LG_MACHINE_MASS && machine->terms[i].kind->outputs != NULL) return true;
-    return false;
-}
 
 /* The sum of all terms of the mass, at rest at `positions`. */
 static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const double *positions) {
@@ -112,7 +113,7 @@ static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const 
 size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, const double *positions,
                              size_t room, lg_identified *out, lg_status *status) {
     lg_number_list l = {.room = room, .out = out, .vars = {.machine = machine}};
-    const bool network = lg_machine_mass_learned(machine);
+    const bool network = is_learned(machine);
     l.status = lg_tape_create(NULL, NULL, &l.tape);
     if (l.status == LG_OK)
         l.status = lg_machine_bind(l.tape, machine, lg_machine_parameter(l.tape, machine, theta), &l.vars);

@@ -250,8 +250,9 @@ lg_status lg_machine_record_interval_of(lg_tape *tape, const lg_machine_flow *fl
     return steps_of(tape, flow, &over, parts);
 }
 
-lg_status lg_machine_record_inputs(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
-                                   const size_t *at, uint32_t count, lg_var *u) {
+/* The inputs (B, inputs) right after rows at[0..count-1], after their lags; LG_NONE: no inputs. */
+static lg_status record_inputs(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_log *log,
+                               const size_t *at, uint32_t count, lg_var *u) {
     interval over = {.vars = vars, .log = log, .at = at, .count = count};
     *u = LG_NONE;
     if (vars->machine->input_count == 0) return LG_OK;
@@ -266,7 +267,7 @@ lg_var lg_machine_record_shown(lg_tape *tape, const lg_machine_vars *vars, const
                                const size_t *at, uint32_t count, const lg_var *parts) {
     lg_var u;
     if (!vars->machine->accelerations) return lg_machine_record_velocities(tape, vars, parts);
-    if (lg_machine_record_inputs(tape, vars, log, at, count, &u) != LG_OK) return LG_NONE;
+    if (record_inputs(tape, vars, log, at, count, &u) != LG_OK) return LG_NONE;
     const lg_var stuck =
         vars->machine->sticks != 0 ? lg_machine_stick_accelerations(tape, vars, parts, u) : LG_NONE;
     return lg_machine_record_accelerations(tape, vars, parts, u, stuck);

@@ -36,7 +36,7 @@ void lg_chain_prepare(lg_system *system, double *constants) {
 
 /* Applies the factors of m = D U diag(m_l) U^T D from right to left: the first loop computes the momentum of
  * each mass, the second one sums the momenta of all masses below each joint. */
-void lg_chain_apply_m(const lg_chain *chain, const double *x, double *out) {
+static void apply_m(const lg_chain *chain, const double *x, double *out) {
     double sum[3] = {0.0, 0.0, 0.0};
     for (size_t i = 0; i < chain->links; i++)
         for (int c = 0; c < 3; c++) {
@@ -63,7 +63,7 @@ void lg_chain_omega_of_velocity(size_t links, const double *v, double *y) {
 
 /* v_i is tangent, so projecting the whole sum leaves its term m_ii v_i unchanged. */
 void lg_chain_momentum_of_velocity(const lg_chain *chain, const double *v, double *y, double *work) {
-    lg_chain_apply_m(chain, v, work);
+    apply_m(chain, v, work);
     for (size_t i = 0; i < chain->links; i++) {
         double *q = y + 6 * i;
         const double along = lg_dot3(q, work + 3 * i);

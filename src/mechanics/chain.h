@@ -59,9 +59,6 @@ extern const char *const lg_chain_invariants[];
     .invariants = lg_chain_invariants, .invariant = invariant, .observed = 6, .observe = observe,            \
     .plane = plane
 
-/* out_i = sum_j m_ij x_j; out and x are (k, 3) and must not overlap. */
-void lg_chain_apply_m(const lg_chain *chain, const double *x, double *out);
-
 /* ---- velocities: q_i at y + 6 i, v contiguous (k, 3) ---- */
 
 /* For y = (q_1, omega_1, ...): v_i = omega_i x q_i, and back, omega_i = q_i x v_i. */

@@ -514,20 +514,18 @@ TEST("names and labels of any bytes survive training, prediction, and training o
     lg_rng_seed(&rng, 3, 0);
     for (int k = 0; k < 12; k++) {
         lg_table_text column, label[LABELS];
-        char option[LG_CSV_QUOTED];
         cli_forget("predicted.csv again.csv");
         write_drawn("drawn.csv", &rng, &column, label);
         expect_drawn("drawn.csv", column, label);
-        (void)lg_csv_quote(column, option);
         cli_run(
             fit,
             "train drawn.csv --class %s --hidden 8 --validation 0 --method lbfgs --epochs 300 --out drawn.h5",
-            option);
+            lg_csv_quote(column).text);
         cli_json(fit, "evaluate drawn.h5 drawn.csv", "accuracy 1");
         cli_run(fit, "predict drawn.h5 drawn.csv --out predicted.csv");
         expect_drawn("predicted.csv", column, label);
         cli_run(fit, "train predicted.csv --class %s --hidden 4 --validation 0 --epochs 300 --out again.h5",
-                option);
+                lg_csv_quote(column).text);
         cli_run(fit, "predict again.h5 predicted.csv --out again.csv");
         expect_drawn("again.csv", column, label);
     }

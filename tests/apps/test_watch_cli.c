@@ -704,6 +704,9 @@ TEST("columns with other names are left out, whatever they hold, with one warnin
         {"NR == 1 ? \"note\" : \"so\", $2, $3, $4, $5, $6, $7", "note", false},
         {"(NR == 1 ? \"% \" : \"\") $2, $3, $4, $5, $6, $7, NR == 1 ? \"uptime\" : NR", "uptime", false},
         {"(NR == 1 ? \"// \" : \"\") $1, $2, $3, $4, $5, $6, $7, NR == 1 ? \"a\" : \"-\"", "a", true},
+        {"NR == 1 ? $1 : \"\\\"\" $1 \"\\\"\", $2, $3, $4, NR == 1 ? $5 : \"\\\"\" $5 \"\\\"\", $6, $7, NR "
+         "== 1 ? \"a\" : \"\"",
+         "a", true},
     };
     static cli straight[2];
     cli_expect("lg-anomaly", "generate --noise 10 --runs 6 --hours 0.1 --out well.h5", 0, "");
@@ -726,6 +729,15 @@ TEST("columns with other names are left out, whatever they hold, with one warnin
         assert_true(verdicts > 100);
         if (strncmp(expected, result.out, verdicts) != 0) fail_msg("%s:\n%s", rows[i].columns, result.out);
     }
+    change("{ gsub(\",\", \"\\t\"); print $0 (NR == 1 ? \"\\tvalve\\tstate\" : NR % 2 ? \"\\t\\ttwo words\" "
+           ": \"\\t7\\t\") }",
+           "tabs.csv");
+    cli_expect("lg-anomaly", "watch named.h5 --input tabs.csv", 0, "# windows");
+    assert_says(result.err, "left out: valve, state");
+    assert_memory_equal(straight[1].out, result.out, strstr(straight[1].out, "# windows") - straight[1].out);
+    change("{ print (NR == 9 ? \"#N/A\" : NR == 1 ? \"tag\" : 7) \",\" $0 }", "sign.csv");
+    cli_expect("lg-anomaly", "watch named.h5 --input sign.csv", 0, "# windows");
+    assert_says(result.err, "line 9: begins as a comment, but has as many cells as a row");
     change("{ gsub(\",\", \";\"); print (NR == 1 ? \"pressure\" : \"1,5\") \";\" $0 }", "comma.csv");
     cli_expect("lg-anomaly", "watch named.h5 --input comma.csv", 0, "# windows");
     reorder("$1, $2, $3, $4, $5, $6, NR == 1 ? \"x\" : 1, NR == 1 ? \"y\" : 2", "cut.csv");

@@ -286,8 +286,32 @@ static void write_misfits(const char *path) {
     assert_true(H5Tclose(type) >= 0 && H5Fclose(file) >= 0);
 }
 
+/* Two whole numbers each, with an attribute of MATLAB or netCDF; MATLAB names its classes. `one` is a matrix of
+ * one column with a name. */
+static void write_marked(const char *path) {
+    static const char *const rows[][3] = {{"chars", "MATLAB_class", "char"},
+                                          {"empty", "MATLAB_empty", ""},
+                                          {"packed", "scale_factor", ""},
+                                          {"one", "columns", "force"},
+                                          {"same", "MATLAB_class", "uint16"}};
+    static const short numbers[2] = {97, 98};
+    hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+    hid_t single = H5Screate(H5S_SCALAR), word = H5Tcopy(H5T_C_S1);
+    assert_true(H5Tset_size(word, H5T_VARIABLE) >= 0);
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        put_dataset(file, rows[i][0], H5T_STD_U16LE, H5T_NATIVE_SHORT, i == 3 ? 2 : 1, (hsize_t[]){2, 1},
+                    false, numbers);
+        hid_t set = H5Dopen2(file, rows[i][0], H5P_DEFAULT);
+        hid_t mark = H5Acreate2(set, rows[i][1], word, single, H5P_DEFAULT, H5P_DEFAULT);
+        assert_true(H5Awrite(mark, word, &rows[i][2]) >= 0 && H5Aclose(mark) >= 0 && H5Dclose(set) >= 0);
+    }
+    assert_true(H5Tclose(word) >= 0 && H5Sclose(single) >= 0 && H5Fclose(file) >= 0);
+}
+
 static void write_bad(const char *path, const char *text, size_t bytes) {
-    if (text == NULL)
+    if (text == NULL && bytes > 0)
+        write_marked(path);
+    else if (text == NULL)
         write_misfits(path);
     else
         write_bytes_to(path, text, bytes);
@@ -299,10 +323,17 @@ static void write_bad(const char *path, const char *text, size_t bytes) {
 
 TEST("a message about a bad file says what was found and what to do") {
     static const struct {
-        const char *text; /* NULL: HDF5 */
+        const char *text; /* NULL: HDF5; then bytes = 1: write_marked */
         size_t bytes;
         const char *want, *says;
     } rows[] = {
+        {NULL, 1, "chars",
+         "the columns are: force, same; /chars is a char array of MATLAB: write numbers, or a list of texts"},
+        {NULL, 1, "empty", "; /empty is empty"},
+        {NULL, 1, "packed", "; /packed is packed (scale_factor, add_offset): write the values themselves"},
+        {BYTES("n,t,x,y\n0,1,2,3\nx\",\"a,b,c,d\",y\"\n"), "y",
+         "line 3: a cell has a quote inside: put the cell"},
+        {BYTES("n,t,x\n0,1,2\n\"a\",1 \"2,3\" 4,5\n"), "x", "line 3: a cell has a quote inside"},
         {NPY("'<f2'"), "x",
          "values of type '<f2'; the types that can be read are f4, f8, i1 to i8, u1 to u8"},
         {NPY("'<f2'"), "x", "b1; convert with a.astype('f8')"},
@@ -363,6 +394,12 @@ TEST("data sets that are no columns, and a last line that may be cut, are named 
         const char *want, *says; /* want NULL: only names are read */
     } rows[] = {
         {NULL, 0, NULL, misfits},
+        {NULL, 1, "force", ""},
+        {BYTES("t,x\n0,1\n#N/A,4\n# 2,3\n# a,b\n# 2\n3,6\n"), "x",
+         "warned: 2 lines with as many cells as a row were left out as comments, the first is line 3: if "
+         "they "
+         "are rows, put their first cell in quotes\n"},
+        {BYTES("t,x\n0,1\n\"#N/A\",4\n"), "x", ""},
         {NULL, 0, "y", ""},
         {BYTES("t,x\n0,1\n1,2"), "x",
          "the last line (3) has no line end; if the file was cut, its last value may be wrong\n"},

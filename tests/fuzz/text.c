@@ -306,9 +306,8 @@ static void names(const char *text) {
     lg_table_text label;
     lg_text list = {.context = NULL};
     if (lg_table_names_parse(NULL, "inputs", text, &read, NULL) == LG_OK) {
-        char quoted[LG_CSV_QUOTED];
         for (uint32_t i = 0; i < read.count; i++)
-            lg_text_add(&list, "%s%s", i > 0 ? "," : "", lg_csv_quote(read.name[i], quoted));
+            lg_text_add(&list, "%s%s", i > 0 ? "," : "", lg_csv_quote(read.name[i]).text);
         if (lg_table_names_parse(NULL, "inputs", list.data, &again, NULL) != LG_OK ||
             again.count != read.count)
             abort();

@@ -6,14 +6,16 @@
  * kernels are faster, and shorter as C. */
 enum { MOST_OUT = 12, MOST_IN = 64, MOST_TERMS = 16, MOST_TERMS_OF_ROWS = 6 };
 
-bool lg_code_by_rows(const lg_graph *g, uint32_t node) {
+/* Returns true if the node's first axis has as many elements as the batch has rows. Scalar code computes such
+ * a node one row at a time. It computes every other node as a whole. */
+static bool by_rows(const lg_graph *g, uint32_t node) {
     const lg_shape *shape = &g->node[node].shape;
     return g->rows > 1 && shape->rank > 0 && shape->dims[0] == g->rows;
 }
 
 size_t lg_code_count(const lg_graph *g, uint32_t node) {
     const size_t count = g->node[node].count;
-    return lg_code_by_rows(g, node) ? count / g->rows : count;
+    return by_rows(g, node) ? count / g->rows : count;
 }
 
 /* Attributes and shapes of the operation that computes one row of a node, or a node without rows. */
@@ -32,7 +34,7 @@ static bool row_of_input(const lg_graph_node *n, uint32_t k, const lg_shape *in,
 /* Returns false if a row of the node needs other rows of an input. Scalar code cannot compute such a node. */
 static bool find_one_row(const lg_graph *g, uint32_t node, one_row *out) {
     const lg_graph_node *n = &g->node[node];
-    const bool rows = lg_code_by_rows(g, node);
+    const bool rows = by_rows(g, node);
     out->attr = n->attr;
     out->shape = n->shape;
     lg_graph_shapes(g, n, out->in);
@@ -42,7 +44,7 @@ static bool find_one_row(const lg_graph *g, uint32_t node, one_row *out) {
     if (rows && use == LG_ROWS_MEET) return false;
     for (uint32_t k = 0; k < n->inputs; k++) {
         if (n->in[k] == LG_GRAPH_NONE) continue;
-        const bool own = lg_code_by_rows(g, n->in[k]);
+        const bool own = by_rows(g, n->in[k]);
         if (own != (rows && row_of_input(n, k, out->in[k], use))) return false;
         if (!own) continue;
         out->own[k] = *out->in[k];
@@ -61,7 +63,7 @@ bool lg_code_fits(const lg_graph *g, uint32_t node) {
     if (n->sort != LG_GRAPH_OPERATION || (op->element == NULL && op->expand == NULL)) return false;
     const size_t count = lg_code_count(g, node);
     const double work = n->count == 0 ? 0.0 : lg_graph_work(g, n) * (double)count / (double)n->count;
-    const double terms = lg_code_by_rows(g, node) ? MOST_TERMS_OF_ROWS : MOST_TERMS;
+    const double terms = by_rows(g, node) ? MOST_TERMS_OF_ROWS : MOST_TERMS;
     if (count > MOST_OUT || work > terms * (double)count) return false;
     if (op->most_code > 0 && work > op->most_code) return false;
     for (uint32_t k = 0; k < n->inputs; k++)
@@ -140,7 +142,7 @@ lg_status lg_code_add(lg_code *code, uint32_t node) {
     (void)find_one_row(code->graph, node, &row);
     const lg_evaluation e = {
         .attr = &row.attr, .inputs = n->inputs, .in = row.in, .shape = &row.shape, .count = count};
-    if (lg_code_by_rows(code->graph, node)) code->rows = code->graph->rows;
+    if (by_rows(code->graph, node)) code->rows = code->graph->rows;
     const lg_op *op = lg_row_in_use(&code->exchange, n->op);
     if (!lg_scalars_expand(&code->s, op, &e, x, y)) return LG_OUT_OF_MEMORY;
     code->value[node] = y;
@@ -266,7 +268,7 @@ static lg_status make_groups(finishing *f) {
 }
 
 static uint32_t apart_of(const lg_graph *g, uint32_t node) {
-    return lg_code_by_rows(g, node) ? (uint32_t)lg_code_count(g, node) : 0;
+    return by_rows(g, node) ? (uint32_t)lg_code_count(g, node) : 0;
 }
 
 /* Makes ranges of loads: adjacent elements of a node form one range. */

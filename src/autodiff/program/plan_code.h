@@ -5,9 +5,6 @@
 #include "autodiff/program/plan.h"
 #include "autodiff/program/plan_graph.h"
 
-/* Returns true if the node's first axis has as many elements as the batch has rows. Scalar code computes such
- * a node one row at a time. It computes every other node as a whole. */
-bool lg_code_by_rows(const lg_graph *graph, uint32_t node);
 /* Returns the number of elements in one row of the node, or in the whole node if it has no rows. */
 size_t lg_code_count(const lg_graph *graph, uint32_t node);
 /* Returns true if scalar code can compute the node, or one row of it, and this is small enough. */

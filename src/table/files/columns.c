@@ -102,7 +102,6 @@ static lg_status default_inputs(lg_training *self, const lg_table_names *all, lg
 /* Makes an output of the last column that has a name and is not left out. */
 static lg_status default_outputs(lg_training *self, const lg_table_names *all, lg_error *error) {
     lg_table_state *s = self->state;
-    char quoted[LG_CSV_QUOTED];
     uint32_t last = all->count;
     while (last > 0 && (*all->name[last - 1] == '\0' || has_name(&s->without, all->name[last - 1]))) last--;
     if (last == 0) return lg_fail(error, LG_FORMAT, "%s: there is no column with a name", self->paths[0]);
@@ -110,15 +109,14 @@ static lg_status default_outputs(lg_training *self, const lg_table_names *all, l
     add_name(&s->outputs, all->name[last - 1]);
     lg_log_message(self->context, LG_LOG_INFO,
                    "the output is the last column, %s; --outputs or --class names others",
-                   lg_csv_quote(all->name[last - 1], quoted));
+                   lg_csv_quote(all->name[last - 1]).text);
     return LG_OK;
 }
 
 static lg_status no_column(const lg_training *self, const lg_table_names *have, const char *name,
                            lg_error *error) {
     lg_name_list list = {.used = 0};
-    char quoted[LG_CSV_QUOTED];
-    for (uint32_t i = 0; i < have->count; i++) lg_name_list_add(&list, lg_csv_quote(have->name[i], quoted));
+    for (uint32_t i = 0; i < have->count; i++) lg_name_list_add(&list, lg_csv_quote(have->name[i]).text);
     return lg_fail(error, LG_FORMAT, "%s: there is no column '%s'; the columns are: %s", self->paths[0], name,
                    list.text);
 }

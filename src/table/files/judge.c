@@ -192,7 +192,6 @@ bool lg_table_warn_infinite(const lg_context *context, size_t infinite, size_t r
 
 bool lg_table_warn_errors(const lg_context *context, const lg_table_file *file, const lg_table_judgement *j,
                           const char *path) {
-    char quoted[LG_CSV_QUOTED];
     if (lg_table_warn_infinite(context, j->infinite, j->rows, path)) return true;
     for (uint32_t o = 0; j->truth != NULL && o < file->run.model.net.outputs; o++) {
         const char *name = !isfinite(j->rmse[o])                            ? "rmse"
@@ -202,7 +201,7 @@ bool lg_table_warn_errors(const lg_context *context, const lg_table_file *file, 
         if (name == NULL) continue;
         lg_log_message(context, LG_LOG_WARNING,
                        "%s: column %s: %s is not finite: the differences from the predictions overflow", path,
-                       lg_csv_quote(file->output_name[o], quoted), name);
+                       lg_csv_quote(file->output_name[o]).text, name);
         return true;
     }
     return false;

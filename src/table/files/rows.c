@@ -114,7 +114,6 @@ static lg_status fail_columns(lg_training *self, lg_error *error) {
     const lg_error was = *error;
     const lg_table_names none = {.count = 0};
     lg_text list = {.context = self->context}, word = list;
-    char quoted[LG_CSV_QUOTED];
     if (was.status != LG_FORMAT || s->given.inputs != NULL) return was.status;
     const bool tried = s->inputs.count <= MOST_TRIED && is_readable(self, &none);
     for (uint32_t i = 0; tried && i < s->inputs.count; i++) {
@@ -122,7 +121,7 @@ static lg_status fail_columns(lg_training *self, lg_error *error) {
         bool again = false; /* two columns of one name */
         for (uint32_t k = 0; k < i; k++) again = again || strcmp(s->inputs.name[k], one.name[0]) == 0;
         if (!again && !is_readable(self, &one))
-            lg_text_add(&list, "%s%s", list.length > 0 ? "," : "", lg_csv_quote(one.name[0], quoted));
+            lg_text_add(&list, "%s%s", list.length > 0 ? "," : "", lg_csv_quote(one.name[0]).text);
     }
     if (list.data != NULL) lg_text_add_word(&word, list.data);
     const char *empty = strstr(was.message, LG_CSV_EMPTY);
@@ -160,28 +159,28 @@ static lg_status check_column(lg_training *self, uint32_t column, bool *keep, lg
     const double *values = data->values + column;
     const bool input = column < s->inputs.count;
     size_t low = 0, high = 0;
-    char name[LG_CSV_QUOTED];
     for (size_t i = 1; i < data->rows; i++) {
         if (values[i * data->columns] < values[low * data->columns]) low = i;
         if (values[i * data->columns] > values[high * data->columns]) high = i;
     }
     const double least = values[low * data->columns], largest = values[high * data->columns];
-    (void)lg_csv_quote(input ? s->inputs.name[column] : s->outputs.name[column - s->inputs.count], name);
+    const lg_csv_quoted name =
+        lg_csv_quote(input ? s->inputs.name[column] : s->outputs.name[column - s->inputs.count]);
     *keep = !input || largest > least;
     if (largest == least)
-        LG_WARN(self, "%s: column %s is constant: %s", s->table.path, name,
+        LG_WARN(self, "%s: column %s is constant: %s", s->table.path, name.text,
                 input ? "it carries no information and is left out" : "there is nothing to learn about it");
     else if (lg_is_rounding(0.5 * largest - 0.5 * least, 0.5 * fmax(fabs(least), fabs(largest))))
         LG_WARN(
             self,
             "%s: column %s: its values, near %.17g, differ only in their last digits, which are rounded: the "
             "column is used as a constant; subtract its mean before the table is written",
-            s->table.path, name, least);
+            s->table.path, name.text, least);
     if (largest == least || largest - least >= DBL_MIN * sqrt(2.0 * (double)data->rows)) return LG_OK;
     return lg_fail(error, LG_FORMAT,
                    "%s: column %s: its values, from %.3g in %s %zu to %.3g in %s %zu, differ by too little "
                    "to be scaled: give the column in a smaller unit",
-                   s->table.path, name, least, data->place, data->line[low], largest, data->place,
+                   s->table.path, name.text, least, data->place, data->line[low], largest, data->place,
                    data->line[high]);
 }
 
@@ -207,14 +206,13 @@ lg_status lg_table_warn_far(const lg_context *context, const lg_table_sheet *she
     for (uint32_t c = 0; c < count; c++) {
         const double *values = data->values + first + c;
         lg_table_far far;
-        char quoted[LG_CSV_QUOTED];
         const lg_status status = lg_table_find_far(context, values, data->columns, data->rows, &far);
         if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
         if (far.count == 0 || told++ >= MOST_TOLD) continue;
         lg_log_message(context, LG_LOG_WARNING,
                        "%s: column %s: %zu of %zu cells %s far from all others, the farthest in %s %zu: %.6g "
                        "(the median is %.6g); %s; if a cell is an error, leave it empty",
-                       sheet->path, lg_csv_quote(name[c], quoted), far.count, data->rows,
+                       sheet->path, lg_csv_quote(name[c]).text, far.count, data->rows,
                        far.count == 1 ? "lies" : "lie", data->place, data->line[far.farthest],
                        values[far.farthest * data->columns], far.median, follows);
     }
