@@ -136,14 +136,15 @@ TEST("a run without options has the defaults that help prints") {
         size_t found = 0, fixed = 0;
         for (int learn = 0; learn < 2; learn++)
             for (const struct learning *l = runs; l < runs + LG_COUNT(runs); l++) {
-                if (strcmp(l->recipe, (*recipe)->name) != 0) continue;
+                const bool first = l == runs || strcmp(l->recipe, l[-1].recipe) != 0;
+                if (strcmp(l->recipe, (*recipe)->name) != 0 || (learn && !first)) continue;
                 const char *program = learn ? "lg-learn" : l->program;
                 struct learning own = *l;
                 own.verb = learn ? test_text("train --recipe %s", l->recipe) : l->verb;
-                cli_run(program, "%s --help-all", own.verb);
                 promise *p = promises;
+                if (first) cli_run(program, "%s --help-all", own.verb);
                 if (found == 0) memset(promises, 0, sizeof promises);
-                for (const lg_field *row = (*recipe)->fields; row->name != NULL; row++, p++) {
+                for (const lg_field *row = (*recipe)->fields; first && row->name != NULL; row++, p++) {
                     assert_true(p < promises + FIELDS);
                     fixed += read_promise(row, p) && !is_chosen(p->usual);
                 }
