@@ -60,8 +60,8 @@ static int setup(void **state) {
     cli_run("lg-hamiltonian", "generate scene.yaml --trajectories 30 --out one.h5");
     cli_run("lg-hamiltonian", "generate scene3.yaml --trajectories 20 --out three.h5");
     cli_run("lg-hamiltonian", "generate quartic.yaml --trajectories 30 --out quartic.h5");
-    cli_run("lg-elastica", "generate --case both-ends --count 40 --intervals 10 --out beam.h5");
-    cli_run("lg-elastica", "generate --case both --count 30 --intervals 10 --out beams.h5");
+    cli_run("lg-elastica", "generate --case both-ends --count 15 --intervals 10 --out beam.h5");
+    cli_run("lg-elastica", "generate --case both --count 12 --intervals 10 --out beams.h5");
     cli_run("lg-anomaly", "generate --runs 16 --hours 0.1 --noise 1 --window 30 --out well.h5");
     cli_run("lg-anomaly", "generate --runs 16 --hours 0.1 --noise 50 --window 30 --out noisy.h5");
     cli_run("lg-anomaly", "generate --runs 16 --hours 0.1 --noise 1 --window 30 --out series.h5");
