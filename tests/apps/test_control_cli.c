@@ -25,6 +25,13 @@ static int setup(void **state) {
     return 0;
 }
 
+/* Trains without what train computes of the result. */
+#define BRIEFLY " --robustness 0 --optimality-gap 0"
+
+static void need_regulator(void) {
+    if (!cli_exists("lqr.h5")) cli_run(control, "train lqr.yaml --out lqr.h5" BRIEFLY);
+}
+
 TEST("a short training swings up more starts than the regulator, and its file gives the same runs") {
     cli_expect(control, "train task.yaml --race 60 --finish 60 --polish 5 --threads 2 --out p.h5 --json", 0,
                "");
@@ -48,6 +55,7 @@ TEST("a short training swings up more starts than the regulator, and its file gi
 TEST("the regulator alone needs no training") {
     cli_expect(control, "train lqr.yaml --out lqr.h5 --json", 0, "");
     assert_close(json_number(result.out, "success"), json_number(result.out, "regulator_success"), 0.0, 0.0);
+    assert_null(json_find(result.out, "disturbed"));
 }
 
 TEST("a policy does not replace the plant that its task names") {
@@ -56,7 +64,7 @@ TEST("a policy does not replace the plant that its task names") {
     cli_run("lg-identify", "fit unknown.yaml log.csv --out plant.h5");
     cli_write("fitted.yaml", test_text("plant: plant.h5%s", strchr(TASK "controller: {kind: lqr}\n", '\n')));
     cli_expect(control, "train fitted.yaml --out plant.h5", 2, "plant.h5 is an input and would be replaced");
-    cli_run(control, "train fitted.yaml --out policy.h5"); /* the plant is as it was */
+    cli_run(control, "train fitted.yaml --out policy.h5" BRIEFLY); /* the plant is as it was */
 }
 
 TEST("goals, machines and options that do not fit are refused with a sentence") {
@@ -71,7 +79,7 @@ TEST("goals, machines and options that do not fit are refused with a sentence") 
     cli_write("other.yaml",
               "columns: {time: t}\ncoordinates: [{name: y, kind: line, velocity: vy}]\ninputs: {columns: "
               "[u]}\nmass: {kind: known, values: [1]}\ninput_map: {kind: known, values: [1]}\n");
-    cli_expect(control, "train lqr.yaml --out lqr.h5", 0, "");
+    need_regulator();
     cli_expect(control, "evaluate lqr.h5 --plant other.yaml", 3, "not those of the policy");
 }
 
@@ -85,7 +93,7 @@ TEST("runs have a column for a lagged input; a goal of a lagged input and a cert
               "plant: slow.yaml\nperiod: 0.05\nhorizon: 5\nstarts: {th: [-0.2, "
               "0.2]}\nlimits: {u: 10}\ncost: {x: 0.1, th: 1, lagged.u: 0.001, u: "
               "0.002}\nsuccess: {th: 0.05, hold: 1, within: 10}\ncontroller: {kind: lqr}\n");
-    cli_expect(control, "train slow_task.yaml --out slow.h5 --json --optimality-gap 0", 0, "");
+    cli_expect(control, "train slow_task.yaml --out slow.h5 --json" BRIEFLY, 0, "");
     assert_true(json_number(result.out, "success") == 1);
     cli_expect(control, "evaluate slow.h5 --starts 2 --runs slow.csv", 0, "");
     char text[256];
@@ -105,7 +113,7 @@ TEST("runs have a column for a lagged input; a goal of a lagged input and a cert
     assert_non_null(strstr(result.out, "has another lag"));
     cli_expect(control, "evaluate slow.h5 --plant cart.yaml", 3,
                "the plant has 0 lagged inputs, but the policy knows 1");
-    cli_expect(control, "train lqr.yaml --out lqr.h5", 0, "");
+    need_regulator();
     cli_expect(control, "evaluate lqr.h5 --plant slow.yaml --json", 0,
                ""); /* the controller does not know the lag */
     assert_true(json_number(result.out, "succeeded") < 50);
@@ -123,7 +131,7 @@ TEST("inputs whose names have blanks or are long keep their names in the policy'
     cli_write("blank_task.yaml",
               "plant: blank.yaml\nperiod: 0.05\nhorizon: 3\nstarts: {x: 1}\nlimits: {motor current: "
               "5}\ncost: {x: 1, the speed: 0.1}\nsuccess: {x: 0.05}\ncontroller: {kind: lqr}\n");
-    cli_expect(control, "train blank_task.yaml --out blank.h5", 0, "");
+    cli_expect(control, "train blank_task.yaml --out blank.h5" BRIEFLY, 0, "");
     cli_expect(control, "evaluate blank.h5 --starts 10", 0, "");
     cli_write("long.yaml",
               "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: v}]\ninputs: {columns: "
@@ -144,7 +152,7 @@ TEST("a weight behind a dead zone has its equilibrium outside of the dead zone")
               "[-9.81]}\ninput_map: {kind: known, values: [1]}\n");
     cli_write("zone_task.yaml", "plant: zone.yaml\nperiod: 0.05\nhorizon: 3\nstarts: {h: 0.2}\nlimits: {u: "
                                 "20}\ncost: {h: 1, v: 0.1}\nsuccess: {h: 0.05}\ncontroller: {kind: lqr}\n");
-    cli_expect(control, "train zone_task.yaml --out zone.h5 --json", 0, "");
+    cli_expect(control, "train zone_task.yaml --out zone.h5 --json" BRIEFLY, 0, "");
     assert_true(json_number(result.out, "success") == 1);
 }
 
@@ -152,12 +160,11 @@ TEST("disturbances of another task judge a policy, and draws need the covariance
     cli_write("noisy.yaml", TASK "controller: {kind: lqr}\nrobust: {delay: 0.5, noise: {th: 0.3}}\n");
     cli_write("drawn.yaml", TASK "controller: {kind: lqr}\nrobust: {draws: 2}\n");
     cli_write("wrong.yaml", TASK "robust: {noise: {u: 0.3}}\n");
-    cli_expect(control, "train lqr.yaml --out lqr.h5 --json", 0, "");
-    assert_null(json_find(result.out, "disturbed"));
+    need_regulator();
     cli_expect(control, "evaluate lqr.h5 --disturb noisy.yaml --json", 0, "");
     assert_true(json_number(json_find(result.out, "disturbed"), "succeeded") <
                 0.8 * json_number(result.out, "succeeded"));
-    cli_expect(control, "train noisy.yaml --out noisy.h5 --json", 0, "");
+    cli_expect(control, "train noisy.yaml --out noisy.h5 --json" BRIEFLY, 0, "");
     assert_close(json_number(json_find(result.out, "disturbed"), "starts"), 512, 0.0, 0.0);
     cli_expect(control, "evaluate lqr.h5 --disturb lqr.yaml", 3, "the task has no disturbances (robust)");
     cli_expect(control, "train drawn.yaml --out x.h5", 3, "robust.draws needs a model of lg-identify");
@@ -171,14 +178,14 @@ TEST("a policy follows the set points of a file") {
     cli_write("moving.csv", "t,x,vx\n0,0,0.1\n20,2,0.1\n");
     cli_write("other.csv", "t,y\n0,0\n1,1\n");
     cli_write("back.csv", "t,x\n0,0\n0,1\n");
-    cli_expect(control, "train track.yaml --out track.h5", 0, "");
+    cli_expect(control, "train track.yaml --out track.h5" BRIEFLY, 0, "");
     cli_expect(control, "evaluate track.h5 --starts 64 --reference steps.csv --json", 0, "");
     assert_close(json_number(json_find(result.out, "reference"), "x_largest"), 0.0, 0.0, 1e-9);
     cli_expect(control, "evaluate track.h5 --starts 64 --reference moving.csv --json", 0, "");
     assert_true(json_number(json_find(result.out, "reference"), "x_rms") < 0.2);
     cli_expect(control, "evaluate track.h5 --reference other.csv", 3, "x");
     cli_expect(control, "evaluate track.h5 --reference back.csv", 3, "line 3: the time t does not increase");
-    cli_expect(control, "train lqr.yaml --out lqr.h5", 0, "");
+    need_regulator();
     cli_expect(control, "evaluate lqr.h5 --reference steps.csv", 3, "tracks no coordinate");
     cli_write("track.yaml", TASK "track: [vx]\n");
     cli_expect(control, "train track.yaml --out x.h5", 3, "track: expected a position, not 'vx'");
@@ -189,10 +196,6 @@ TEST("a policy follows the set points of a file") {
 enum { RUNS = 70 /* more than a piece of 64 */, PERIODS = 200, COLUMNS = 8 };
 static double table[RUNS * (PERIODS + 1)][COLUMNS]; /* start, t, x, th, vx, w, u, cost; NAN: an empty cell */
 static char shown[3000000];
-
-static void need_regulator(void) {
-    if (!cli_exists("lqr.h5")) cli_expect(control, "train lqr.yaml --out lqr.h5", 0, "");
-}
 
 static void read_runs(const char *name, const char *head) {
     assert_true(cli_read(name, shown, sizeof shown) + 1 < sizeof shown);
@@ -303,7 +306,7 @@ TEST("the axes of the map of starts do not depend on the unit of length") {
         "plant: mm.yaml\nperiod: 0.05\nhorizon: 5\nstarts: {x: [-500, 500], th: [-3.14159, 3.14159], vx: "
         "[-500, 500], w: [-1, 1]}\nlimits: {u: 10000}\ncost: {x: 1e-7, th: 1, vx: 1e-8, w: 0.02, u: "
         "2e-9}\nsuccess: {th: 0.1, hold: 1, within: 10}\ncontroller: {kind: lqr}\n");
-    cli_expect(control, "train far.yaml --out far.h5", 0, "");
+    cli_expect(control, "train far.yaml --out far.h5" BRIEFLY, 0, "");
     cli_expect(control, "evaluate far.h5 --starts 10 --plot far.svg", 0, "");
     (void)cli_read("far.dat", shown, sizeof shown);
     assert_says(shown, "=Starts of 10 runs\n=th\n=w\n");
@@ -319,7 +322,7 @@ TEST("of a rotation the plot shows the angle and the speed, the table its nine n
               "plant: body.yaml\nperiod: 0.1\nhorizon: 5\nstarts: {R: [3, 3]}\nlimits: {p: 2, q: "
               "2, r: 2}\ncost: {R: 1, vR: 0.1, p: 0.01, q: 0.01, r: 0.01}\nsuccess: {R: 0.05, "
               "hold: 1, within: 12}\ncontroller: {kind: lqr}\n");
-    cli_expect(control, "train turn.yaml --out turn.h5", 0, "");
+    cli_expect(control, "train turn.yaml --out turn.h5" BRIEFLY, 0, "");
     cli_expect(control, "evaluate turn.h5 --starts 1 --runs turn.csv --plot turn.svg", 0, "");
     (void)cli_read("turn.csv", shown, sizeof shown);
     assert_true(strncmp(shown, "start,t,R.1,R.2,", 16) == 0 &&
@@ -340,10 +343,9 @@ TEST("of a rotation the plot shows the angle and the speed, the table its nine n
 
 TEST("a plot shows names of velocities and inputs as they are, and runs nothing") {
     /* as YAML writes them, as they are */
-    static const char *const names[][2] = {{"`touch RAN`", "`touch RAN`"},
-                                           {"''.system(\"touch RAN\").''", "'.system(\"touch RAN\").'"},
+    static const char *const names[][2] = {{"''.system(\"touch RAN\").''", "'.system(\"touch RAN\").'"},
                                            {"\"; system \"touch RAN\"; \"7", "\"; system \"touch RAN\"; \"7"},
-                                           {"%s@t_{x}^y\\n", "%s@t_{x}^y\\n"}};
+                                           {"`touch RAN`%s@t_{x}^y\\n", "`touch RAN`%s@t_{x}^y\\n"}};
     for (size_t i = 0; i < LG_COUNT(names); i++) {
         const char *yaml = names[i][0], *name = names[i][1];
         cli_write("named.yaml", test_text("columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: "
@@ -355,7 +357,7 @@ TEST("a plot shows names of velocities and inputs as they are, and runs nothing"
                             "{'u%s': 9}\ncost: {x: 1, 'v%s': 1, 'u%s': 1}\nsuccess: {x: 0.5, hold: 1, "
                             "within: 5}\ncontroller: {kind: lqr}\n",
                             yaml, yaml, yaml));
-        cli_expect(control, "train names.yaml --out names.h5", 0, "");
+        cli_expect(control, "train names.yaml --out names.h5" BRIEFLY, 0, "");
         cli_expect(control, "evaluate names.h5 --starts 5 --plot names.svg", 0, "");
         if (cli_exists("RAN")) fail_msg("%s ran", name);
         assert_null(strstr(result.err, "gnuplot failed"));
@@ -378,6 +380,7 @@ TEST("the demo runs nothing that was in its folder before") {
         assert_int_equal(chmod(cli_at(name), 0777), 0);
         const struct timespec late[2] = {{.tv_sec = 4102444800}, {.tv_sec = 4102444800}};
         assert_int_equal(utimensat(AT_FDCWD, cli_at(name), late, 0), 0);
+        if (i == 0) continue; /* the demo finds both makefiles */
         cli_expect(control, "demo --out demo --seconds 1", i < 2 ? 0 : 3, i < 2 ? "" : files[i]);
         if (cli_exists("RAN")) fail_msg("%s ran", files[i]);
         cli_unlink(name);
@@ -433,9 +436,6 @@ TEST("train tells what a change of each number does, as evaluate finds it on the
     assert_close(json_number(result.out, "success"), heavy, 0, 1e-9);
     cli_expect(control, "evaluate truck.h5 --plant lazy.yaml --starts 60 --json", 0, "has another lag");
     assert_close(json_number(result.out, "success"), lazy, 0, 1e-9);
-    cli_expect(control, "train truck_task.yaml --out truck.h5 --json --robustness 0 --optimality-gap 0", 0,
-               "");
-    assert_true(robustness_of(result.out, "mass", "1.2") == -1);
 }
 
 TEST("friction sticks whatever its width in the file, and inputs act late in all commands") {
@@ -444,9 +444,9 @@ TEST("friction sticks whatever its width in the file, and inputs act late in all
     for (int i = 0; i < 2; i++) {
         write_truck("wide.yaml", 10, 0.06, 0, widths[i]);
         write_truck_task("wide_task.yaml", "wide.yaml", "");
-        cli_expect(control, "train wide_task.yaml --out wide.h5 --json --robustness 0 --optimality-gap 0", 0,
-                   "");
+        cli_expect(control, "train wide_task.yaml --out wide.h5 --json" BRIEFLY, 0, "");
         success[i] = json_number(result.out, "success");
+        assert_true(robustness_of(result.out, "mass", "1.2") == -1);
     }
     assert_close(success[1], success[0], 0, 1e-9);
     print_message("success %g\n", success[0]);
@@ -483,9 +483,9 @@ TEST("train warns where a controller costs much more than the best inputs that a
     for (int gap = 8; gap >= 0; gap -= 8) {
         cli_expect(
             control,
-            test_text("train arm_task.yaml --out arm.h5 --json --robustness 0 --seeds 2 --race 60 --finish 0 "
+            test_text("train arm_task.yaml --out arm.h5 --json --robustness 0 --seeds 2 --race %d --finish 0 "
                       "--polish 0 --optimality-gap %d",
-                      gap),
+                      gap > 0 ? 60 : 2, gap),
             0, "");
         const char *warning = strstr(result.out, "times as much as the best inputs found"),
                    *at = strstr(result.out, rows);

@@ -245,20 +245,20 @@ TEST("with several files the message names only the file with the fault, once") 
     static const char *const lines[] = {
         "check machine.yaml first.csv second.csv third.csv",
         "fit machine.yaml first.csv second.csv --validation third.csv --out never.h5"};
-    for (size_t i = 0; i < LG_COUNT(faults); i++)
-        for (size_t bad = 0; bad < LG_COUNT(files); bad++) {
-            for (size_t f = 0; f < LG_COUNT(files); f++) {
-                sheet *s = good_sheet();
-                if (f == bad) faults[i].make(s);
-                write_sheet(files[f], s);
-            }
-            for (size_t k = 0; k < LG_COUNT(lines); k++) {
-                cli_expect(identify, lines[k], 3, files[bad]);
-                assert_says(result.err, faults[i].word);
-                for (size_t f = 0; f < LG_COUNT(files); f++)
-                    assert_int_equal(times(result.err, files[f]), f == bad);
-            }
+    for (size_t i = 0; i < LG_COUNT(faults); i++) {
+        const size_t bad = i % LG_COUNT(files);
+        for (size_t f = 0; f < LG_COUNT(files); f++) {
+            sheet *s = good_sheet();
+            if (f == bad) faults[i].make(s);
+            write_sheet(files[f], s);
         }
+        for (size_t k = 0; k < LG_COUNT(lines); k++) {
+            cli_expect(identify, lines[k], 3, files[bad]);
+            assert_says(result.err, faults[i].word);
+            for (size_t f = 0; f < LG_COUNT(files); f++)
+                assert_int_equal(times(result.err, files[f]), f == bad);
+        }
+    }
     write_sheet("first.csv", good_sheet());
     cli_write("second.csv", "t,x\n1,2\n");
     cli_expect(identify, "check machine.yaml first.csv second.csv", 3, "second.csv: line 1");
@@ -370,6 +370,7 @@ TEST("an angle that vibrates fits its rate over many rows; swapped rates and wro
         cli_json(identify, "check right.yaml shaken.csv", "files 1");
         if (i == 0) assert_says(result.err, "one of them vibrates or is noisy");
         for (size_t k = 1; k < LG_COUNT(machines); k++) {
+            if (i > 0 && k != 1 + i % 3) continue; /* every wrong machine with the first log */
             cli_run_limited(identify, test_text("check %s shaken.csv", machines[k]), 0);
             if (result.code != 3) fail_msg("log %zu: %s is accepted", i, machines[k]);
         }
@@ -401,8 +402,8 @@ TEST(
     static const double commons[] = {0, 0.5, 2}, periods[] = {0.7, 2.1}, noises[] = {0.01, 0.3};
     write_angles("right.yaml", "wa", "wb", "");
     write_angles("crossed.yaml", "wb", "wa", "");
-    for (size_t i = 0; i < 24; i++) {
-        write_common("shared.csv", commons[i % 3], periods[i / 3 % 2], noises[i / 6 % 2], i);
+    for (size_t i = 0; i < 6; i++) { /* all pairs of the three values */
+        write_common("shared.csv", commons[i % 3], periods[i % 2], noises[i / 3], i);
         cli_run_limited(identify, "check right.yaml shared.csv", 0);
         if (result.code != 0) fail_msg("log %zu: right columns: %s", i, result.err);
         cli_run_limited(identify, "check crossed.yaml shared.csv", 0);
@@ -514,15 +515,15 @@ TEST("an input that jumps and returns is reported with file, line and column; st
                                        {pulses, NULL},
                                        {hammer, NULL},
                                        {every_row, NULL}};
-    static const double units[] = {1, 1e-9, 1e9};
+    static const double units[] = {1e-9, 1e9};
     cli_write("input.yaml", "columns: {time: t}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
                             "inputs: {columns: [u]}\npotential: {kind: quadratic, of: x}\n");
     write_sheet("first.csv", good_sheet());
     for (size_t i = 0; i < LG_COUNT(cases); i++)
-        for (size_t k = 0; k < LG_COUNT(units); k++) {
+        for (size_t k = 0; k < 2; k++) {
             sheet *s = good_sheet();
             cases[i].make(s);
-            for (size_t row = 0; row < ROWS; row++) s->u[row] *= units[k];
+            for (size_t row = 0; row < ROWS && k > 0; row++) s->u[row] *= units[i % 2];
             write_sheet("second.csv", s);
             cli_json(identify, "check input.yaml first.csv second.csv", "files 2");
             assert_int_equal(strstr(result.err, "such jumps") != NULL, cases[i].told != NULL);
@@ -564,7 +565,7 @@ static void copy_with_spike(const char *from, const char *to, size_t at, double 
 }
 
 TEST("steps of an input in logs without noise are no outliers; a spike next to such a step is one") {
-    enum { SEEDS = 9, ROOM = 4096 };
+    enum { SEEDS = 3, ROOM = 4096 };
     static double u[ROOM];
     cli_write("cart.yaml",
               "columns: {time: t, run: run}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"
@@ -598,25 +599,21 @@ TEST("every command refuses a cell so large that the others vanish in its roundi
                                            "fit input.yaml first.csv --validation second.csv --out m.h5"};
     static const double values[] = {1e308, -1e308, 1e155, 1e20, -1e20};
     static const char *const spoiled[] = {"u", "x", "vx", "u"};
-    for (size_t c = 0; c < LG_COUNT(commands); c++)
-        for (size_t k = 0; k < LG_COUNT(values); k++)
-            for (size_t column = 0; column < LG_COUNT(spoiled); column++) {
-                const bool idle =
-                    /* the input is 0 elsewhere: 1e20 may then be its true value, so only larger values are
-                     * refused */
-                    column == 3;
-                sheet *s = good_sheet();
-                if (idle && fabs(values[k]) < 1e154) continue;
-                for (size_t row = 0; row < ROWS && idle; row++) s->u[row] = 0;
-                if (spoiled[column][0] == 'u')
-                    s->u[70] = values[k];
-                else
-                    s->cells[70][column == 1 ? X : VX] = values[k];
-                write_sheet("second.csv", s);
-                cli_expect(
-                    identify, commands[c], 3,
-                    test_text("second.csv: line 72: column %s: %g is so large", spoiled[column], values[k]));
-            }
+    for (size_t i = 0; i < LG_COUNT(values) * LG_COUNT(spoiled); i++) {
+        const size_t k = i / LG_COUNT(spoiled), column = i % LG_COUNT(spoiled);
+        /* the input is 0 elsewhere: 1e20 may then be its true value, so only larger values are refused */
+        const bool idle = column == 3;
+        sheet *s = good_sheet();
+        if (idle && fabs(values[k]) < 1e154) continue;
+        for (size_t row = 0; row < ROWS && idle; row++) s->u[row] = 0;
+        if (spoiled[column][0] == 'u')
+            s->u[70] = values[k];
+        else
+            s->cells[70][column == 1 ? X : VX] = values[k];
+        write_sheet("second.csv", s);
+        cli_expect(identify, commands[i % LG_COUNT(commands)], 3,
+                   test_text("second.csv: line 72: column %s: %g is so large", spoiled[column], values[k]));
+    }
     sheet *s = good_sheet();
     s->cells[70][X] = 1e308;
     write_sheet("second.csv", s);

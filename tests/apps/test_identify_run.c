@@ -229,7 +229,8 @@ TEST("bands of a prediction are as wide as its errors; models without a covarian
         width += band[i] * band[i];
     }
     assert_true(error > 0.02 * width && width > 0.0);
-    cli_run(identify, "fit wide.yaml train.csv --out wide.h5 --epochs 2");
+    cli_run(identify, "generate scene.yaml --runs 1 --t-end 1 --out short.csv");
+    cli_run(identify, "fit wide.yaml short.csv --out wide.h5 --epochs 2");
     cli_expect(identify, "predict wide.h5 exact.csv --bands --out p.csv", 2, "more than 256");
 }
 
@@ -242,9 +243,8 @@ static void write_named(const char *file, const char *name, const char *rest) {
 
 TEST("plots show names of columns and inputs as they are, and run nothing") {
     /* as YAML writes them, as they are */
-    static const char *const names[][2] = {{"`touch RAN`", "`touch RAN`"},
+    static const char *const names[][2] = {{"`touch RAN`$(touch RAN)", "`touch RAN`$(touch RAN)"},
                                            {"''.system(''touch RAN'').''", "'.system('touch RAN').'"},
-                                           {"$(touch RAN)", "$(touch RAN)"},
                                            {"\\101%s@t_{x}^y\\n", "\\101%s@t_{x}^y\\n"}};
     static const char *const lines[] = {
         "generate named.yaml --runs 1 --t-end 8 --out log.csv --plot generate.svg",
@@ -470,7 +470,7 @@ TEST("with positions alone the starts are estimated from 50 rows, which are not 
         "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"
         "inputs: {columns: [u]}\nmass: {kind: known, values: [2]}\npotential: {kind: quadratic, of: x}\n"
         "damping: diagonal\ninput_map: {kind: known, values: [[1]]}\n");
-    cli_run(identify, "generate positions-scene.yaml --runs 3 --t-end 10 --out train.csv");
+    cli_run(identify, "generate positions-scene.yaml --runs 2 --t-end 5 --out train.csv");
     cli_run(identify, "fit positions.yaml train.csv --out m.h5");
     cli_run(identify,
             "generate positions-scene.yaml --runs 2 --t-end 10 --out test.csv --seed 3 --noise 0.001");
@@ -509,7 +509,6 @@ static void write_pushed(const char *name, int rows, double h, double unit, doub
 }
 
 TEST("the rows that estimate a start follow disturbance and noise, and all machines start from them") {
-    enum { SEEDS = 3 };
     static const struct {
         int rows;
         double h, unit, push, noise, least, most;
@@ -518,7 +517,6 @@ TEST("the rows that estimate a start follow disturbance and noise, and all machi
                  {600, 0.05, 1e9, 0.5, 1e-4, 4, 10},
                  {600, 0.05, 1, 0, 0.02, 25, 50}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        double sum = 0, sum_usual = 0;
         cli_write(
             "pushed.yaml",
             test_text("columns: {time: t}\nmeasured: positions\ncoordinates:\n"
@@ -528,32 +526,28 @@ TEST("the rows that estimate a start follow disturbance and noise, and all machi
                             "input_map: {kind: known, values: [[1]]}\n"
                             "damping: {kind: known, values: [0.3]}\n"
                           : "inputs: {columns: [u]}\nmass: {kind: known, values: [1]}\ndamping: diagonal\n"));
-        for (uint64_t seed = 1; seed <= SEEDS; seed++) {
-            const double unit = cases[i].unit, h = cases[i].h;
-            write_pushed("train.csv", cases[i].rows, h, unit, cases[i].push, cases[i].noise, 2 * seed);
-            write_pushed("test.csv", cases[i].rows, h, unit, cases[i].push, cases[i].noise, 2 * seed + 1);
-            cli_json(identify, "fit pushed.yaml train.csv --out m.h5", "start_rows >0");
-            const double rows = json_number(result.out, "start_rows");
-            if (rows < cases[i].least || rows > cases[i].most)
-                fail_msg("case %zu, seed %d: %g rows", i, (int)seed, rows);
-            expect_known_range("m.h5");
-            cli_json(identify, "evaluate m.h5 test.csv --horizons .3", "start_rows >0");
-            assert_true(json_number(result.out, "start_rows") == rows);
-            const char *horizon = strchr(json_find(result.out, "horizons"), '{');
-            const double line = json_number(horizon, "line"),
-                         linear = json_number(json_find(horizon, "linear"), "line"),
-                         unchanged = json_number(json_find(horizon, "unchanged"), "line");
-            cli_json(identify, "evaluate m.h5 test.csv --horizons .3 --start-rows 50", "start_rows 50");
-            horizon = strchr(json_find(result.out, "horizons"), '{');
-            const double usual = json_number(json_find(horizon, "linear"), "line");
-            sum += line, sum_usual += json_number(horizon, "line");
-            if (cases[i].push > 0) {
-                assert_true(line < 0.4 * json_number(horizon, "line"));
-                assert_true(linear < 0.6 * usual); /* the linear model begins in the same states */
-                assert_true(line < unchanged);
-            }
+        const double unit = cases[i].unit, h = cases[i].h;
+        write_pushed("train.csv", cases[i].rows, h, unit, cases[i].push, cases[i].noise, 2);
+        write_pushed("test.csv", cases[i].rows, h, unit, cases[i].push, cases[i].noise, 3);
+        cli_json(identify, "fit pushed.yaml train.csv --out m.h5", "start_rows >0");
+        const double rows = json_number(result.out, "start_rows");
+        if (rows < cases[i].least || rows > cases[i].most) fail_msg("case %zu: %g rows", i, rows);
+        expect_known_range("m.h5");
+        cli_json(identify, "evaluate m.h5 test.csv --horizons .3", "start_rows >0");
+        assert_true(json_number(result.out, "start_rows") == rows);
+        const char *horizon = strchr(json_find(result.out, "horizons"), '{');
+        const double line = json_number(horizon, "line"),
+                     linear = json_number(json_find(horizon, "linear"), "line"),
+                     unchanged = json_number(json_find(horizon, "unchanged"), "line");
+        cli_json(identify, "evaluate m.h5 test.csv --horizons .3 --start-rows 50", "start_rows 50");
+        horizon = strchr(json_find(result.out, "horizons"), '{');
+        const double usual = json_number(horizon, "line");
+        if (cases[i].push > 0) {
+            assert_true(line < 0.4 * usual && line < unchanged);
+            /* the linear model begins in the same states */
+            assert_true(linear < 0.6 * json_number(json_find(horizon, "linear"), "line"));
         }
-        if (cases[i].least > 50) assert_true(sum < 0.85 * sum_usual);
+        if (cases[i].least > 50) assert_true(line < 0.85 * usual);
     }
     cli_json(identify, "predict m.h5 test.csv --out pushed-run.csv --start-rows 7", "start_rows 7");
     cli_json(identify, "adapt m.h5 test.csv --seconds 10 --numbers friction --start-rows 9", "start_rows 9");

@@ -1,5 +1,5 @@
-/* Results of commands in other units of mass, length and time: the quick rows of the table, in four systems
- * of units.
+/* Results of commands in other units of mass, length and time: the quick rows of the table, each in one of
+ * two systems in which all three units differ. test_unit_changes_all has all rows in all systems.
  * ctest-labels: apps/common src/mechanics */
 #include "units_support.h"
 
@@ -8,7 +8,7 @@ static int setup(void **state) {
 }
 
 TEST("trained, identified, solved and simulated results do not depend on the units") {
-    static const units in[] = {{1e9, 1, 1}, {1, 1e-9, 1}, {1, 1, 1e-9}, {1e-9, 1e3, 1e9}};
+    static const units in[] = {{1e9, 1e-3, 1e-9}, {1e-9, 1e3, 1e9}};
     compare_table(in, LG_COUNT(in), true);
 }
 

@@ -393,6 +393,7 @@ static int compare_row(const units_row *row, units in, const units_values *base)
     return failures;
 }
 
+/* Compares all rows in all units; or the quick rows, each in one of them. */
 static void compare_table(const units *in, size_t count, bool quick) {
     int failures = 0;
     for (size_t i = 0; i < LG_COUNT(units_table); i++) {
@@ -400,7 +401,8 @@ static void compare_table(const units *in, size_t count, bool quick) {
         const size_t mark = lg_test_owned();
         units_values *base = lg_test_memory(sizeof *base);
         assert_true(run_row(&units_table[i], (units){1, 1, 1}, base));
-        for (size_t u = 0; u < count; u++) failures += compare_row(&units_table[i], in[u], base);
+        for (size_t u = 0; u < count; u++)
+            if (!quick || u == i % count) failures += compare_row(&units_table[i], in[u], base);
         lg_test_give_back(mark);
     }
     assert_int_equal(failures, 0);
