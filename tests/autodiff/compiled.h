@@ -116,7 +116,7 @@ static inline bool discard_compiled(compiled *c) {
     char command[128];
     if (c->handle != NULL) (void)dlclose(c->handle);
     lg_c_source_destroy(c->source);
-    (void)snprintf(command, sizeof command, "rm -rf -- '%s'", c->folder);
+    (void)snprintf(command, sizeof command, "rm -rf -- '%.63s'", c->folder);
     return system(command) == 0;
 }
 

@@ -488,6 +488,7 @@ typedef struct element_run {
     size_t points;
     double *x[LG_MAX_INPUTS]; /* (points), numbers that the type can hold */
     dual *r;
+    long double *wanted, *room; /* (points), the values and by how much they may differ */
 } element_run;
 
 /* The value (if `by` is no input) or the derivative at point i. If input k exists, it is moved by `units`
@@ -501,20 +502,27 @@ static long double reference(const element_run *e, size_t i, uint32_t by, uint32
     return by < e->of->inputs ? e->r[e->y].d : e->r[e->y].v;
 }
 
-static bool is_right(const element_run *e, size_t i, uint32_t by, double got, long double *wanted) {
+static void find_room(const element_run *e, size_t i, uint32_t by, long double *wanted, long double *room) {
     const bool f64 = e->dtype == LG_F64;
     const long double eps = f64 ? (long double)DBL_EPSILON : (long double)FLT_EPSILON;
-    const long double most = f64 ? (long double)DBL_MAX : (long double)FLT_MAX;
     const long double y = *wanted = reference(e, i, by, UINT32_MAX, 0);
     const long double size = by < e->of->inputs && e->of->op->saturates ? 1 : fabsl(y);
-    long double room = UNITS * eps * size + UNITS * (f64 ? (long double)DBL_MIN : (long double)FLT_MIN);
-    if (isnan(y) || isnan(got)) return isnan(y) && isnan(got);
-    if (isinf(y)) return (long double)got == y;
-    for (uint32_t k = 0; k < e->of->inputs; k++)
+    *room = UNITS * eps * size + UNITS * (f64 ? (long double)DBL_MIN : (long double)FLT_MIN);
+    for (uint32_t k = 0; k < e->of->inputs && isfinite(y); k++)
         for (int side = -1; side <= 1; side += 2) {
             const long double moved = reference(e, i, by, k, side * UNITS);
-            if (!isnan(moved)) room += fabsl(moved - y);
+            if (!isnan(moved)) *room += fabsl(moved - y);
         }
+}
+
+static bool is_right(const element_run *e, size_t i, uint32_t by, double got, long double *wanted) {
+    const long double most = e->dtype == LG_F64 ? (long double)DBL_MAX : (long double)FLT_MAX;
+    long double room = e->room[i];
+    *wanted = e->wanted[i];
+    if (by < e->of->inputs) find_room(e, i, by, wanted, &room);
+    const long double y = *wanted;
+    if (isnan(y) || isnan(got)) return isnan(y) && isnan(got);
+    if (isinf(y)) return (long double)got == y;
     if (isinf(got)) return fabsl(y) + room > most && (got > 0) == (y > 0);
     return fabsl((long double)got - y) <= room;
 }
@@ -676,7 +684,19 @@ static void by_tape(const element_run *e, bool derivatives, finding *f) {
     }
 }
 
-/* Makes the scalar code and the points. Returns false if the code contains a function of an angle. */
+static void by_c(const element_run *e, shim run, finding *f) {
+    double *got = TEST_ARRAY(double, e->points), work[4096];
+    for (size_t i = 0; i < e->points; i++) {
+        unsigned char x[3][8], y[8];
+        for (uint32_t k = 0; k < e->of->inputs; k++)
+            lg_kernels_for(e->dtype)->convert_in(1, &e->x[k][i], x[k]);
+        run((const void *[]){x[0], x[1], x[2]}, (void *[]){y}, work);
+        lg_kernels_for(e->dtype)->convert_out(1, y, &got[i]);
+    }
+    compare_way(e, "C", UINT32_MAX, got, f);
+}
+
+/* Makes the scalar code. Returns false if it contains a function of an angle. */
 static bool open_run(element_run *e, const element_case *of, lg_dtype dtype) {
     lg_scalar x[LG_MAX_INPUTS];
     const long double nowhere[LG_MAX_INPUTS] = {0};
@@ -685,18 +705,21 @@ static bool open_run(element_run *e, const element_case *of, lg_dtype dtype) {
     for (uint32_t k = 0; k < of->inputs; k++) x[k] = lg_s_input(&e->s, k);
     e->y = of->op->element(&e->s, &of->attr, x, of->inputs);
     e->r = TEST_ARRAY(dual, e->s.count);
-    if (!in_long_double(&e->s, dtype, nowhere, 0, e->r)) return false;
-    draw_points(e);
-    return true;
+    return in_long_double(&e->s, dtype, nowhere, 0, e->r);
 }
 
-static void check_element(const element_case *of, finding *f) {
+/* `made`: C that computes it, two ways in f64, then two in f32; or NULL. */
+static void check_element(const element_case *of, const compiled made[4], const char *name, finding *f) {
     for (int dtype = 0; dtype < 2 && !f->found; dtype++) {
         element_run e;
         const size_t mark = lg_test_owned();
         assert_true(open_run(&e, of, (lg_dtype)dtype));
+        draw_points(&e);
+        e.wanted = TEST_ARRAY(long double, e.points), e.room = TEST_ARRAY(long double, e.points);
+        for (size_t i = 0; i < e.points; i++) find_room(&e, i, UINT32_MAX, &e.wanted[i], &e.room[i]);
         by_scalars(&e, f);
         by_tape(&e, of->op->frozen == 0, f);
+        for (int way = 0; made != NULL && way < 2; way++) by_c(&e, shim_of(&made[2 * dtype + way], name), f);
         lg_scalars_destroy(&e.s);
         lg_test_give_back(mark);
     }
@@ -760,22 +783,6 @@ static size_t note_cases(void) {
     return angles;
 }
 
-TEST("elementwise operations and their derivatives keep their digits at extreme arguments") {
-    memset(seen, 0, sizeof seen);
-    const size_t angles = note_cases();
-    for (size_t i = 0; i < element_count; i++) {
-        finding f = {.found = false};
-        check_element(&element_cases[i], &f);
-        if (f.found) fail_msg("%s", f.words);
-    }
-    for (uint32_t i = 0; lg_ops[i] != NULL; i++)
-        if (lg_ops[i]->element != NULL && !seen[i]) fail_msg("%s was on no tape", lg_ops[i]->name);
-    print_message("%zu rows with their attributes; %zu functions of an angle are held elsewhere\n",
-                  element_count, angles);
-}
-
-/* ---- the same in C ---- */
-
 static lg_status record_case(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const element_case *c = user;
     y[0] = lg_record(tape, c->op, x, c->inputs, &c->attr);
@@ -802,40 +809,28 @@ static lg_program *program_of_cases(void) {
     return program;
 }
 
-static void by_c(const element_run *e, shim run, finding *f) {
-    double *got = TEST_ARRAY(double, e->points), work[4096];
-    for (size_t i = 0; i < e->points; i++) {
-        unsigned char x[3][8], y[8];
-        for (uint32_t k = 0; k < e->of->inputs; k++)
-            lg_kernels_for(e->dtype)->convert_in(1, &e->x[k][i], x[k]);
-        run((const void *[]){x[0], x[1], x[2]}, (void *[]){y}, work);
-        lg_kernels_for(e->dtype)->convert_out(1, y, &got[i]);
-    }
-    compare_way(e, "C", UINT32_MAX, got, f);
-}
-
-TEST("elementwise operations keep their digits in C too") {
-    if (!has_compiler()) skip();
-    (void)note_cases();
+TEST("elementwise operations and their derivatives keep their digits at extreme arguments, in C too") {
+    memset(seen, 0, sizeof seen);
+    const size_t angles = note_cases();
+    const bool compiles = has_compiler();
+    compiled made[4];
     lg_program *program = program_of_cases();
-    for (int way = 0; way < 4; way++) {
-        compiled c;
-        const lg_dtype dtype = way % 2 == 0 ? LG_F64 : LG_F32;
-        if (!compile_program(&c, program, "gcc", "-O1", dtype, way / 2 == 1)) fail_msg("%s", c.why);
-        assert_true(c.source->work_size <= 4096);
-        for (size_t i = 0; i < element_count; i++) {
-            const size_t mark = lg_test_owned();
-            finding f = {.found = false};
-            element_run e;
-            assert_true(open_run(&e, &element_cases[i], dtype));
-            by_c(&e, shim_of(&c, lg_program_function_name(program, i)), &f);
-            lg_scalars_destroy(&e.s);
-            lg_test_give_back(mark);
-            if (f.found) fail_msg("%s", f.words);
-        }
-        assert_true(discard_compiled(&c));
+    for (int way = 0; compiles && way < 4; way++) {
+        if (!compile_program(&made[way], program, "gcc", "-O1", way / 2 == 0 ? LG_F64 : LG_F32, way % 2 == 1))
+            fail_msg("%s", made[way].why);
+        assert_true(made[way].source->work_size <= 4096);
     }
+    for (size_t i = 0; i < element_count; i++) {
+        finding f = {.found = false};
+        check_element(&element_cases[i], compiles ? made : NULL, lg_program_function_name(program, i), &f);
+        if (f.found) fail_msg("%s", f.words);
+    }
+    for (int way = 0; compiles && way < 4; way++) assert_true(discard_compiled(&made[way]));
     lg_program_destroy(program);
+    for (uint32_t i = 0; lg_ops[i] != NULL; i++)
+        if (lg_ops[i]->element != NULL && !seen[i]) fail_msg("%s was on no tape", lg_ops[i]->name);
+    print_message("%zu rows with their attributes; %zu functions of an angle are held elsewhere\n",
+                  element_count, angles);
 }
 
 /* ---- formulas that lose digits, and good ones ---- */
@@ -939,7 +934,7 @@ TEST("a formula that overflows in between or cancels is found, and a good one pa
         op.frozen = ~0u; /* its derivative is not checked */
         const element_case c = {.op = &op, .inputs = 1};
         finding f = {.found = false};
-        check_element(&c, &f);
+        check_element(&c, NULL, NULL, &f);
         if (f.found != !rows[i].sound) fail_msg("%s: %s", rows[i].name, f.found ? f.words : "not found");
         if (f.found) print_message("found: %s\n", f.words);
     }

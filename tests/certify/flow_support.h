@@ -71,7 +71,9 @@ static inline void flow_exact_rate(const flow_system *f, const long double *X, l
                                    long double *rate) {
     for (size_t i = 0; i < f->n; i++) {
         const long double p = X[(i + 1) % f->n], q = X[(i + 2) % f->n];
-        rate[i] = f->b[i] * u + f->c[i] * sinl(p) + f->d[i] * p * q / (1 + q * q) + f->g[i] * tanhl(f->s * q);
+        rate[i] = f->b[i] * u + f->d[i] * p * q / (1 + q * q);
+        if (f->c[i] != 0) rate[i] += f->c[i] * sinl(p);
+        if (f->g[i] != 0) rate[i] += f->g[i] * tanhl(f->s * q);
         for (size_t j = 0; j < f->n; j++) rate[i] += f->a[i * f->n + j] * X[j];
     }
 }

@@ -124,7 +124,7 @@ TEST("undamped and unstable oscillators are not proved, though Runge-Kutta maps 
                   fed = oscillator(10, 0, -0.3, periods[i]), damped = oscillator(10, -1, 0, periods[i]);
         held_loop *const bad[] = {&still, &growing, &fed};
         for (size_t k = 0; k < LG_COUNT(bad); k++) {
-            const lg_certify_result r = prove_loop(bad[k], 100, 0, 5000);
+            const lg_certify_result r = prove_loop(bad[k], 100, 0, 1000);
             assert_true(!r.verified && r.failed_low != NULL && r.reason[0] != '\0');
         }
         const lg_certify_result r = prove_loop(&damped, 100, 0, SIZE_MAX);
@@ -151,7 +151,7 @@ static void riccati(held_loop *l, const double *Q, double R) {
 
 /* The smallest V at which V does not fall in a period, along many directions */
 static double sampled_level(const held_loop *l, double most) {
-    enum { DIRECTIONS = 1500, LEVELS = 60 };
+    enum { DIRECTIONS = 150, LEVELS = 60 };
     for (int i = 1; i <= DIRECTIONS; i++) {
         const double angle = 3.14159265358979 * i / DIRECTIONS;
         long double X[FLOW_MOST] = {cosl(angle), sinl(angle)};
@@ -187,7 +187,7 @@ TEST("a pendulum whose period times its fastest mode is .12 to .6: at least .95 
         print_message("period %g: level %.6g, %.4g of the sampled one; between %.5g; %zu boxes, %.3f s\n",
                       periods[i], r.level, r.level / truth, r.between / r.level, r.boxes, r.seconds);
         assert_true(r.verified && r.converges && r.level >= 0.95 * truth);
-        attack(&l, &r, &rng, 100);
+        attack(&l, &r, &rng, 30);
     }
 }
 
@@ -352,7 +352,7 @@ TEST("a field that jumps or has a kink at 1/2 is not proved across it, with a bo
 TEST("random held loops near the boundary of stability: nothing false is proved, most of what is true is") {
     lg_rng rng = test_rng(64, 3);
     size_t proved = 0, stable = 0, unstable = 0;
-    for (int k = 0; k < 60; k++) {
+    for (int k = 0; k < 30; k++) {
         const size_t mark = lg_test_owned();
         held_loop l = {.f = draw_flow(&rng), .period = lg_rng_uniform_in(&rng, 0.02, 0.5)};
         const bool linear = k % 2 == 0;
@@ -382,5 +382,5 @@ TEST("random held loops near the boundary of stability: nothing false is proved,
         lg_test_give_back(mark);
     }
     print_message("%zu proved, %zu stable, %zu unstable\n", proved, stable, unstable);
-    assert_true(unstable > 10 && 3 * proved > stable);
+    assert_true(unstable > 5 && 3 * proved > stable);
 }

@@ -3,13 +3,13 @@
 #include "exact_checks.h"
 
 TEST("bounds contain the values of MPFR for every operation and kind of box, with every instruction set") {
-    check_exact_bounds(20000, 64);
+    check_exact_bounds(5000, 64);
 }
 
 TEST("flags are not above the level that MPFR sees at ends, zeros, ties and between") {
-    check_exact_flags(2000, 65);
+    check_exact_flags(600, 65);
 }
 
 TEST("bounds and flags of random compositions hold at points of MPFR") {
-    check_exact_trees(1500, 66);
+    check_exact_trees(400, 66);
 }

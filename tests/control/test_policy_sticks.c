@@ -6,7 +6,7 @@
 /* Trolley 8 kg, load 3 kg at .9 m below, motor 2.5 N/V, friction 4 v + 6 sgn v on the trolley. */
 static const double cart = 8, load = 3, length = 0.9, weight = 9.81 * 3 * 0.9, slow = 4, swing = 0.05,
                     dry = 6;
-enum { STARTS = 60, MOST = 24 };
+enum { STARTS = 40, MOST = 24 };
 
 static lg_program *crane(double width) {
     return machine_program(
@@ -82,7 +82,7 @@ static void step(double *y, double u, double h) {
 
 /* Whether a run from z succeeds. */
 static bool outside(const lg_policy *p, lg_plan *const plan[2], double late, const double *z) {
-    enum { PARTS = 200 };
+    enum { PARTS = 50 };
     const uint32_t given = p->layout.given;
     const size_t steps = lg_policy_steps(p), hold = lg_policy_periods(p, p->task.hold);
     double y[4] = {z[0], z[1], z[given], z[given + 1]}, seen[MOST] = {0}, u[256] = {0}, kept[MOST],
@@ -130,7 +130,7 @@ static void compare(const lg_policy *p, double late, double *claimed, double *tr
 }
 
 TEST("claimed and true success agree where the trolley sticks, with integrals and with late inputs") {
-    static const row rows[] = {{0, false}, {0, true}, {1, false}, {3, true}, {10, true}, {1.5, true}};
+    static const row rows[] = {{0, false}, {0, true}, {3, true}, {1.5, true}};
     double claimed[LG_COUNT(rows)];
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const lg_policy_task task = crane_task(rows[i]);
@@ -140,7 +140,7 @@ TEST("claimed and true success agree where the trolley sticks, with integrals an
                       rows[i].integral ? ", integral" : "", claimed[i], truly);
         assert_close(claimed[i], truly, 0, 0.05);
     }
-    assert_true(claimed[0] > 0.7 && claimed[0] < 0.95 && claimed[1] > 0.95 && claimed[3] > 0.95);
+    assert_true(claimed[0] > 0.7 && claimed[0] < 0.95 && claimed[1] > 0.95 && claimed[2] > 0.95);
     /* At rest friction hides the input: without a sliding machine there is nothing to design. */
     lg_policy_task task = crane_task(rows[0]);
     lg_policy *policy;

@@ -138,7 +138,7 @@ static void check_loss(const small *s, const lg_elastica_curves *set) {
 
 /* Networks of a continuous s can learn from curves with any number of nodes. */
 TEST("the loss on a tape agrees with the loss computed from curves") {
-    static const uint32_t intervals[] = {50, 63, 7, 2};
+    static const uint32_t intervals[] = {24, 31, 7, 2};
     for (size_t n = 0; n < LG_COUNT(intervals); n++) {
         const lg_elastica_curves set = make_curves(CURVES, intervals[n]);
         for (size_t which = 0; which < TEST_OPTIONS; which++) {

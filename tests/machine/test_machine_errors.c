@@ -122,7 +122,7 @@ static void cover(double force, double memory, double noise, uint32_t window, in
 
 TEST("numbers are within two of their errors in 95 of 100 cases, for white noise and for forces with a "
      "memory") {
-    enum { REPEATS = 40, FEW = 4, LEAST = 106 };
+    enum { REPEATS = 16, FEW = 2, LEAST = 43 };
     static const struct {
         double force, memory, noise;
     } cases[] = {{0.0, 0.0, 0.02}, {0.3, 0.5, 0.002}, {0.3, 0.9, 0.002}};

@@ -350,18 +350,18 @@ static bool assert_plan(const lg_machine *machine, lg_machine_starts starts, con
     return planned;
 }
 
-TEST("loss and gradient by plans are those of the tape, with every kind of term, starts and some schemes") {
+TEST("loss and gradient by plans are those of the tape, with every kind of term, with a scheme or starts for "
+     "each") {
     static const char *const schemes[] = {"cf4", "rkmk5", "cg3"};
     size_t planned = 0, tried = 0;
     for (uint32_t part = 0; part < LG_MACHINE_PART_COUNT; part++) {
         const lg_term_kind *kind;
         for (size_t i = 0; (kind = lg_term_kind_at((lg_machine_part)part, i)) != NULL; i++) {
             const lg_machine machine = machine_with(kind, (lg_machine_part)part);
-            for (size_t s = 0; s < LG_COUNT(schemes); s++, tried++)
-                planned += assert_plan(
-                    &machine, (lg_machine_starts)(s == 1 && machine.bristles == 0), schemes[s],
-                    part == LG_MACHINE_DAMPING && s == 1 ? 2e-10
-                                                         : 1e-13); /* kinks of friction at the starts */
+            const size_t s = tried++ % LG_COUNT(schemes);
+            planned += assert_plan(
+                &machine, (lg_machine_starts)(s == 1 && machine.bristles == 0), schemes[s],
+                part == LG_MACHINE_DAMPING && s == 1 ? 2e-10 : 1e-13); /* kinks of friction at the starts */
         }
     }
     print_message("%zu of %zu by plans\n", planned, tried);

@@ -322,7 +322,7 @@ static wells make_wells(size_t n, size_t down, bool rotated, bool at_rest, doubl
 }
 
 TEST("saddles and maxima of any number of variables are left, minima are not") {
-    static const size_t sizes[] = {1, 2, 10, 100, 101, 150, 199, 200, 201, 400, 2000};
+    static const size_t sizes[] = {1, 2, 10, 100, 101, 199, 200, 201, 500};
     for (size_t row = 0; row < LG_COUNT(sizes) * 32; row++) {
         const size_t n = sizes[row / 32], downs[] = {0, 1, n / 2, n}, down = downs[row / 8 % 4];
         const bool rotated = row / 4 % 2 != 0, at_rest = row / 2 % 2 != 0;

@@ -71,7 +71,7 @@ static void make_done(const lg_search_space *space, size_t count, lg_trial *out)
 /* The largest ratio of 24 independent draws from `good`: with the values in the order of their ratios, it is
  * at most that of value v with the probability (sum of good up to v)^24. */
 TEST("of integers and choices, values are taken as often as the densities say") {
-    enum { COUNT = 40, GOOD = 4, ROUNDS = 20000 };
+    enum { COUNT = 40, GOOD = 4, ROUNDS = 5000 };
     const size_t tested[] = {2, 4};
     for (size_t t = 0; t < LG_COUNT(tested); t++) {
         const lg_range *range = &ranges[tested[t]];
@@ -274,7 +274,7 @@ static lg_status evaluate(void *user, lg_search *search, lg_trial *trial, lg_err
     return LG_OK;
 }
 
-enum { SEEDS = 25, PLANNED = 100 };
+enum { SEEDS = 9, PLANNED = 100 };
 
 static lg_search_space space_for(const searched *s) {
     lg_search_space space = {.count = s->of->dim + (s->mixed ? 2 : 0)};
