@@ -265,7 +265,7 @@ static const struct {
     {"lg-hamiltonian", "train chain.h5", "--size 8,8 --epochs 3 --integrator rk4 --substeps 2 --shards 2"},
     {"lg-hamiltonian", "train chain.h5",
      "--epochs 3 --hidden 6 --penalty 0.1 --activation tanh --potential mlp"},
-    {"lg-elastica", "train beam.h5", "--preset thesis --epochs 3 --network discrete"},
+    {"lg-elastica", "train beam.h5", "--preset thesis --epochs 3 --network discrete --hidden 9"},
     {"lg-elastica", "train beam.h5", "--preset best --epochs 3 --network continuous"},
     {"lg-elastica", "train beam.h5", "--preset best --epochs 3 --network angle --method adam"},
     {"lg-elastica", "train beam.h5", "--preset best --size auto --seconds 4"},

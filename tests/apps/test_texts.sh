@@ -15,22 +15,36 @@ verbs() { "$LG_BIN_DIR/$1" --help | awk '/^Commands:/ { on = 1; next } on && /^$
 
 # A title, a colour, C1 as UTF-8, CR, DEL, a mark that reverses the line, a byte that is not UTF-8, and a line of its own.
 bad=$'\e]0;title\a\e[31m\xc2\x9b1m\r\x7f\xe2\x80\xae\xff\nFORGED'
-runs=0 shown=0 succeeded=0
+runs=0 succeeded=0 commands=()
+mkdir said
 
-# check COMMAND...: what `out` and `err` hold. A cell of CSV in quotes may begin a line.
-check() {
-    grep -qaP '[\x00-\x08\x0b-\x1f\x7f]|\xc2[\x80-\x9f]|\xe2\x80[\x8e\x8f\xa8-\xae]|\xe2\x81[\xa6-\xa9]' out err &&
-        fail "a control character: $(printf '%q ' "$@"): $(grep -aP '[\x00-\x08\x0b-\x1f\x7f-\x9f]' out err | head -n 3 | cat -v)"
-    iconv -f UTF-8 -t UTF-8 out err >/dev/null 2>&1 || fail "not UTF-8: $(printf '%q ' "$@"): $(cat -v out err | head -n 3)"
-    case $* in *lg-fit\ predict*) ;; *) grep -na '^FORGED\|\tFORGED' out err >forged && fail "a forged line: $(printf '%q ' "$@"): $(head -n 2 forged)" ;; esac
+# run COMMAND...: its exit code is in `found`, what it printed in the files $out and $err, which `check` reads.
+run() {
+    out=said/$runs.out err=said/$runs.err
+    printf -v "commands[$runs]" '%q ' "$@"
     runs=$((runs + 1))
-    grep -qaE '\\x1b|\\xc2\\x9b|\\u001b|\\u009b' out err && shown=$((shown + 1))
+    timeout -k 1 100 "$LG_BIN_DIR/$1" "${@:2}" >"$out" 2>"$err" </dev/null
+    found=$?
 }
 
-run() {
-    timeout -k 1 100 "$LG_BIN_DIR/$1" "${@:2}" >out 2>err </dev/null
-    found=$?
-    check "$@"
+# wrong WHAT FILE [PATTERN]
+wrong() {
+    local name=${2#said/}
+    fail "$1: ${commands[${name%.*}]}: $(grep -aP -- "${3:-}" "$2" | head -n 3 | cat -v)"
+}
+
+# What all commands printed. A cell of CSV in quotes may begin a line.
+check() {
+    local file name control='[\x00-\x08\x0b-\x1f\x7f]|\xc2[\x80-\x9f]|\xe2\x80[\x8e\x8f\xa8-\xae]|\xe2\x81[\xa6-\xa9]' forged='^FORGED|\tFORGED'
+    for file in $(grep -laP -- "$control" said/*); do wrong "a control character" "$file" "$control"; done
+    if ! iconv -f UTF-8 -t UTF-8 said/* >/dev/null 2>&1; then
+        for file in said/*; do iconv -f UTF-8 -t UTF-8 "$file" >/dev/null 2>&1 || wrong "not UTF-8" "$file"; done
+    fi
+    for file in $(grep -laP -- "$forged" said/*); do
+        name=${file#said/}
+        case ${commands[${name%.*}]} in *lg-fit\ predict*) ;; *) wrong "a forged line" "$file" "$forged" ;; esac
+    done
+    shown=$(grep -laE '\\x1b|\\xc2\\x9b|\\u001b|\\u009b' said/* | sed 's/\..*//' | sort -u | wc -l)
 }
 
 # use [WORDS...]: must succeed, with text and with --json.
@@ -40,7 +54,7 @@ use() {
         case "$json $*" in '--json '*' predict '*) [[ $* = *--out* ]] || continue ;; esac # CSV on standard output
         rm -f "watch$bad.log" # a log of verdicts does not go on in JSON
         run "$@" $json
-        [ $found = 0 ] || fail "$(printf '%q ' "$@" $json): exit code $found: $(head -c 300 err)"
+        [ $found = 0 ] || fail "$(printf '%q ' "$@" $json): exit code $found: $(head -c 300 "$err")"
         succeeded=$((succeeded + 1))
     done
 }
@@ -103,7 +117,7 @@ run lg-control train "task$bad.yaml" --seconds 1 --out "policy$bad.h5"
 printf 'fixed: {epochs: 2}\nranges:\n  hidden: {choice: ["4", "8"]}\n  "\\e[31m\\x9b": {integer: [1, 2]}\n' >"search$bad.yaml"
 printf 'fixed: {epochs: 2}\nranges:\n  weight-decay: {uniform: [0, 1e-3]}\n' >search.yaml
 for file in table fit class series detector scene wrong scheme data hamiltonian kind truth machine log task policy search; do
-    ls "$file$bad".* >/dev/null 2>&1 || fail "$file: was not made: $(cat -v err | head -n 3)"
+    ls "$file$bad".* >/dev/null 2>&1 || fail "$file: was not made: $(cat -v "$err" | head -n 3)"
 done
 
 # ---- what succeeds ----
@@ -139,14 +153,14 @@ for model in fit class detector hamiltonian machine policy; do
 done
 
 # ---- every command, on every file and every pair of different kinds ----
-commands=0
+verbs=0
 for program in $(cd "$LG_BIN_DIR" && echo lg-*); do
     for verb in $(verbs "$program") none; do
         [ "$verb" = none ] && [ -n "$(verbs "$program")" ] && continue
         [ "$verb" = none ] && verb=
         # A demonstration and a measurement read no file, and take minutes.
-        case "$program $verb" in *' demo' | 'lg-bench list' | lg-gradcheck*) run "$program" $verb "$bad" && commands=$((commands + 1)) && continue ;; lg-bench*) continue ;; esac
-        commands=$((commands + 1)) pairs=yes given=()
+        case "$program $verb" in *' demo' | 'lg-bench list' | lg-gradcheck*) run "$program" $verb "$bad" && verbs=$((verbs + 1)) && continue ;; lg-bench*) continue ;; esac
+        verbs=$((verbs + 1)) pairs=yes given=()
         help=$("$LG_BIN_DIR/$program" $verb --help-all)
         case $help in *--out=*) given+=("--out=x$bad.h5") ;; esac
         case $help in *--recipe=*) given+=(--recipe=machine_model) ;; esac
@@ -156,19 +170,16 @@ for program in $(cd "$LG_BIN_DIR" && echo lg-*); do
             run "$program" $verb "$a" "${given[@]}" --json
             for b in "table$bad.csv" "series$bad.h5" "kind$bad.h5" "no$bad"; do
                 [ $pairs = yes ] && run "$program" $verb "$a" "$b" "${given[@]}"
-                grep -q 'too many arguments' err && pairs=no
+                grep -q 'too many arguments' "$err" && pairs=no
             done
         done
     done
 done
-echo "$commands commands, $runs runs, $succeeded of the ways that succeed; names were shown in $shown runs"
-[ $commands -gt 35 ] || fail "$commands commands"
-[ $shown -gt $((runs / 2)) ] || fail "names were shown in few runs"
 
 # A name with every control character leaves none to mark the ends of lines.
 every=$(for i in $(seq 31); do printf "\\$(printf %o "$i")"; done; echo FORGED)
 run lg-fit evaluate "no$every" "no$every"
-[ "$(wc -l <err)" = 1 ] || fail "a name of control characters: $(cat -v err)"
+[ "$(wc -l <"$err")" = 1 ] || fail "a name of control characters: $(cat -v "$err")"
 
 # ---- harmless text stays as it is, byte by byte, also where buffers end ----
 {
@@ -176,7 +187,13 @@ run lg-fit evaluate "no$every" "no$every"
     for i in $(seq 1500); do printf '%s,%s,%s数\n' $i $((i * i % 17)) $((i % 3))äöü😀; done
 } >harmless.csv
 run lg-fit train harmless.csv --class w --epochs 2 --hidden 2 --out harmless.h5
-"$LG_BIN_DIR/lg-fit" predict harmless.h5 harmless.csv >printed.csv 2>err
+"$LG_BIN_DIR/lg-fit" predict harmless.h5 harmless.csv >printed.csv
 run lg-fit predict harmless.h5 harmless.csv --out written.csv
 cmp -s printed.csv written.csv || fail 'harmless text is printed otherwise than it is written'
+
+# ---- what was printed ----
+check
+echo "$verbs commands, $runs runs, $succeeded of the ways that succeed; names were shown in $shown runs"
+[ $verbs -gt 35 ] || fail "$verbs commands"
+[ $shown -gt $((runs / 2)) ] || fail "names were shown in few runs"
 exit $status

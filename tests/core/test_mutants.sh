@@ -1,9 +1,14 @@
 #!/bin/bash
-# scripts/mutants draws errors that differ, each in C outside comments and texts, and the same ones again from the same seed.
+# scripts/mutants draws errors that differ, each in C outside comments and texts, and the same ones again from the same seed. It draws
+# them in a copy of a part of the tree.
 # ctest-labels: scripts/mutants
 set -eu
 cd "$LG_TEST_DIR/.."
 [ -x scripts/mutants ] || { echo "no scripts/mutants here"; exit 77; }
+copy=$(mktemp -d)
+trap 'rm -rf "$copy"' EXIT
+cp --parents -r scripts/mutants src/core src/mpi src/settings apps/lg-fit "$copy"
+cd "$copy"
 drawn=$(scripts/mutants --list 200 --seed 1)
 [ "$drawn" = "$(scripts/mutants --list 200 --seed 1)" ] || { echo "the same seed draws other errors"; exit 1; }
 [ "$drawn" != "$(scripts/mutants --list 200 --seed 2)" ] || { echo "another seed draws the same errors"; exit 1; }

@@ -7,8 +7,9 @@ copy=$(mktemp -d)
 trap 'rm -rf "$copy"' EXIT
 mkdir -p "$copy/scripts" "$copy/docs/data"
 fill() { # the copy's sources
-    mkdir -p "$copy/src/nn" "$copy/apps"
+    mkdir -p "$copy/src/nn" "$copy/src/model/files" "$copy/apps"
     cp -r "$root/src/core" "$root/src/mpi" "$copy/src"
+    cp "$root/src/model/files/any.c" "$copy/src/model/files" # lists the kinds of models, which scripts/size reads
     cp -r "$root/apps/lg-fit" "$copy/apps"
 }
 fill
@@ -29,18 +30,26 @@ passes "budgets that are used up"
 everything() { find src apps share -type f ! -name '*.h5' ! -name '*.pyc' 2>/dev/null -exec cat {} + | wc -l; }
 [ "$(awk -F, 'NR > 1 { lines += $2 } END { print lines }' "$csv")" = "$(everything)" ] ||
     fail "the lines of $csv are not all lines of src and apps"
-[ "$("$root/scripts/size" | sed -n '1s/ *\([0-9]*\)  lines.*/\1/p')" = "$(cd "$root" && everything)" ] ||
+[ "$("$size" | sed -n '1s/ *\([0-9]*\)  lines.*/\1/p')" = "$(everything)" ] ||
     fail "the first line of scripts/size is not all lines of src and apps"
 
 # A file of 50 lines counts in every room, whatever its suffix.
-counts() { # FILE ROOM
+planted=() over=
+plant() { # FILE
     mkdir -p "${1%/*}"
     yes text | head -50 >"$1"
-    fails "a planted $1" "lines are 50 above the budget; rooms above theirs: $2 (50)$"
-    rm "$1"
+    planted+=("$1")
 }
-while IFS=, read -r room _; do counts "${room##* }/planted.gp" "$room"; done < <(tail -n +2 exact.csv)
-for suffix in .c .h .inc .py .sh .in .def .template ""; do counts "src/nn/planted$suffix" src/nn; done
+while IFS=, read -r room _; do
+    plant "${room##* }/planted.gp"
+    over+="${over:+, }$room (50)"
+done < <(tail -n +2 exact.csv)
+fails "a planted file in each room" "lines are $((50 * ${#planted[@]})) above the budget; rooms above theirs: $over$"
+rm "${planted[@]}"
+planted=()
+for suffix in .c .h .inc .py .sh .in .def .template ""; do plant "src/nn/planted$suffix"; done
+fails "planted files of all kinds" "lines are 450 above the budget; rooms above theirs: src/nn (450)$"
+rm "${planted[@]}"
 printf 'no newline' >src/nn/planted.py
 fails "a last line without a newline" "1 above the budget"
 rm src/nn/planted.py
