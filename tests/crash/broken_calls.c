@@ -142,7 +142,8 @@ static void run_job(breaking *k, long most) {
     note_outputs(&k->b);
     choose_calls(k, most);
     for (long i = 0; i < k->tried && k->b.failed < 10; i++) {
-        uint64_t way = 0, drawn = lg_rng_below(&rng, k->of == FAULT_MEMORY ? 2 : 4);
+        /* calls of files fail more often than they are short or interrupted, which most calls cannot be */
+        uint64_t way = 0, drawn = lg_rng_below(&rng, k->of == FAULT_MEMORY ? 2 : 6) % 4;
         for (size_t w = 0; w < LG_COUNT(ways); w++)
             if (ways[w].of == k->of && (way++ == drawn || most == 0)) try_call(k, w, k->chosen[i]);
     }
