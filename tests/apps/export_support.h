@@ -349,8 +349,8 @@ static inline void export_check_each(const char *folder, const char *name, const
     }
 }
 
-/* A selection that takes a few seconds for a small model: of a suite's models one half of the ways and the other
- * half in turn, the first half with every other commit. */
+/* A selection that takes a few seconds for a small model: the models of a suite get one half of the ways and
+ * the other half in turn; the commit decides which half comes first. */
 static inline void export_check_ways(const char *folder, const char *name) {
     static const export_way ways[][4] = {
         {{"gcc", "-O0"},

@@ -1,5 +1,5 @@
-/* 60 000 points and 9000 boxes for each operation, drawn anew for each commit. Compositions have a fixed seed: one
- * that is as steep as e^1e6 seems to jump.
+/* 60 000 points and 9000 boxes for each operation, drawn anew for each commit. Compositions have a fixed
+ * seed: one that is as steep as e^1e6 seems to jump.
  * ctest-labels: slow src/certify src/kernels */
 #include "exact_checks.h"
 #include "support/seed.h"

@@ -7,9 +7,9 @@
  * 0 and the outputs of an undisturbed run, or with the exit code for memory (5) or files (3) and one
  * sentence. Each output must be absent, unchanged or complete. If memory fails, no temporary file or lock may
  * be left. If there is a checkpoint, the command then continues without failing calls, and must write the
- * outputs of the undisturbed run. The first call of each different stack fails, in every way. With -n, so many
- * of these calls of each command are drawn, and each fails in one way; SEED is that of the commit if it is not
- * given. The results are printed as a Markdown table. If a check fails, the exit code is 1. */
+ * outputs of the undisturbed run. The first call of each different stack fails, in every way. With -n, so
+ * many of these calls of each command are drawn, and each fails in one way; without -s, SEED is that of the
+ * commit. The results are printed as a Markdown table. If a check fails, the exit code is 1. */
 #define _GNU_SOURCE
 #include <limits.h>
 #include <sys/wait.h>

@@ -1,6 +1,6 @@
-/* 7000 mutants of programs, others for each commit: 5000 of decoded lists, 1500 of arrays in files, and 500 of
- * files' bytes, which are read by the probe (a child process for each). Each mutant must be refused with a message and a status
- * of exit code 3, or be valid and run within its limits.
+/* 7000 mutants of programs, others for each commit: 5000 of decoded lists, 1500 of arrays in files, and 500
+ * of files' bytes, which are read by the probe (a child process for each). Each mutant must be refused with a
+ * message and a status of exit code 3, or be valid and run within its limits.
  * ctest-labels: slow src/autodiff src/model */
 #include "model/program_mutants.h"
 #include "support/seed.h"
