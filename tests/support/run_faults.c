@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "support/faults.h"
+#include "support/seed.h"
 
 /* A run hangs if it takes PATIENCE seconds and SLOWER times as long as the undisturbed run took on this
  * machine, with its present load. A test that takes more CPU time than LONGEST times the seconds that it is
@@ -155,6 +156,21 @@ static double seconds_now(void) {
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
+/* If there is time for fewer calls than there are stacks, the commit draws them. */
+static long choose_calls(long calls, long most, long *chosen) {
+    static uint64_t drawn;
+    const long noted = calls < MOST_STACKS ? calls : MOST_STACKS;
+    const long stacks = faults_choose(report->stacks, noted, calls, 0, chosen);
+    if (most >= stacks) return faults_choose(report->stacks, noted, calls, most, chosen);
+    lg_rng rng = test_rng(commit_seed(), drawn++);
+    for (long i = 0; i < most; i++) {
+        long *at = &chosen[i + (long)lg_rng_below(&rng, (uint64_t)(stacks - i))], call = *at;
+        *at = chosen[i];
+        chosen[i] = call;
+    }
+    return most;
+}
+
 static void try_test(lg_suite *suite, const struct CMUnitTest *test, long sum[VERDICTS]) {
     enum { TOLD = 3 }; /* runs of a test and verdict that are printed */
     long mine[VERDICTS] = {0};
@@ -168,8 +184,7 @@ static void try_test(lg_suite *suite, const struct CMUnitTest *test, long sum[VE
     faults_note_stacks(now.of, NULL, 0);
     if (plain != PASSED || calls == 0) return; /* the test was skipped, or fails without a failing call */
     long *chosen = lg_test_memory((size_t)calls * sizeof *chosen);
-    const long count = faults_choose(report->stacks, calls < MOST_STACKS ? calls : MOST_STACKS, calls,
-                                     (long)fmax(1.0, fmin(most, (double)calls)), chosen);
+    const long count = choose_calls(calls, (long)fmax(2.0, fmin(most, (double)calls)), chosen);
     for (long k = 0; k < 2 * count; k++) {
         const long n = chosen[k / 2], to = k % 2 > 0 ? LONG_MAX : n;
         verdict is = run(suite, test, n, to);
