@@ -10,6 +10,7 @@
 
 #include "liegrad/fit.h"
 #include "liegrad/model.h"
+#include "support/seed.h"
 
 /* The model NAME.h5, the compiler and flags for its comparison, and the --scheme of its step (NULL or "": the
  * model's own scheme). */
@@ -133,8 +134,10 @@ static inline void export_compare_one(const export_kind *kind, exported *e, size
     if (kind->more != NULL) kind->more(e);
 }
 
+/* Every other row in this type; the others have their turn at other commits. */
 static inline void export_compare_all(const export_kind *kind, const char *dtype) {
-    for (size_t i = 0; i < kind->count; i++) {
+    const uint64_t first = commit_seed() + (strcmp(dtype, "f32") == 0);
+    for (size_t i = first % 2; i < kind->count; i += 2) {
         const size_t mark = lg_test_owned();
         export_compare_one(kind, export_opened(kind, export_row_at(kind, i), dtype, ""), 1000);
         lg_test_give_back(mark);

@@ -85,6 +85,7 @@ TEST("fits from default starts stay finite with every kind of friction, and find
                     seed);
             cli_json(identify, "fit model.yaml log.csv --out m.h5", "loss >0");
             right += found(i);
+            if (seed > 1) continue;
             cli_json(identify, "fit narrow.yaml log.csv --out m.h5", "loss >0");
             (void)found(i);
         }

@@ -78,12 +78,12 @@ static inline bool attack_loop(uint64_t number, size_t samples, size_t starts, l
     return holds;
 }
 
-static inline void attack_loops(size_t count, size_t samples, size_t starts) {
+static inline void attack_loops_from(size_t first, size_t count, size_t samples, size_t starts) {
     loop_counts counts[LG_COUNT(loop_kinds)] = {{0}}, modes[LOOP_MODES] = {{0}}, all = {0};
     static const char *const names[LOOP_MODES] = {"continuous", "held", "steps"};
     size_t found = 0, coarse = 0;
     const char *only = getenv("LG_LOOP");
-    for (size_t k = only != NULL ? strtoul(only, NULL, 10) : 0; k < count; k++) {
+    for (size_t k = only != NULL ? strtoul(only, NULL, 10) : first; k < first + count; k++) {
         const size_t mark = lg_test_owned();
         loop_counts one = {0};
         loop *l = TEST_ARRAY(loop, 1);
@@ -109,6 +109,10 @@ static inline void attack_loops(size_t count, size_t samples, size_t starts) {
     print_counts("all", &all);
     assert_int_equal(found, 0);
     if (only == NULL) assert_true(4 * all.proved >= all.loops && 5 * coarse >= all.loops);
+}
+
+static inline void attack_loops(size_t count, size_t samples, size_t starts) {
+    attack_loops_from(0, count, samples, starts);
 }
 
 #endif

@@ -7,9 +7,9 @@
  * 0 and the outputs of an undisturbed run, or with the exit code for memory (5) or files (3) and one
  * sentence. Each output must be absent, unchanged or complete. If memory fails, no temporary file or lock may
  * be left. If there is a checkpoint, the command then continues without failing calls, and must write the
- * outputs of the undisturbed run. The first call of each different stack fails; with -n, so many calls of
- * each command (faults_choose), a large number: all. The results are printed as a Markdown table. If a check
- * fails, the exit code is 1. */
+ * outputs of the undisturbed run. The first call of each different stack fails, in every way. With -n, so
+ * many of these calls of each command are drawn, and each fails in one way; without -s, SEED is that of the
+ * commit. The results are printed as a Markdown table. If a check fails, the exit code is 1. */
 #define _GNU_SOURCE
 #include <limits.h>
 #include <sys/wait.h>
@@ -17,6 +17,7 @@
 
 #include "crash/commands.h"
 #include "support/faults.h"
+#include "support/seed.h"
 
 enum { CODE_FILE = 3, CODE_MEMORY = 5 };
 
@@ -46,7 +47,7 @@ static void choose_calls(breaking *k, long most) {
     const char *path = work("../chosen");
     char words[PATH_MAX + 64];
     clean();
-    (void)snprintf(words, sizeof words, "%d:%ld:%s", (int)k->of, most, path);
+    (void)snprintf(words, sizeof words, "%d:0:%s", (int)k->of, path);
     (void)setenv("LG_FAULT_CHOOSE", words, 1);
     const int code = wait_for(start(k->faulty, k->b.job, ""));
     (void)unsetenv("LG_FAULT_CHOOSE");
@@ -57,6 +58,13 @@ static void choose_calls(breaking *k, long most) {
     if (k->chosen == NULL) stop("out of memory");
     while (k->tried < k->calls && fscanf(file, "%ld", &k->chosen[k->tried]) == 1) k->tried++;
     (void)fclose(file);
+    if (most == 0 || most >= k->tried) return;
+    for (long i = 0; i < most; i++) {
+        long *drawn = &k->chosen[i + (long)lg_rng_below(&rng, (uint64_t)(k->tried - i))], call = *drawn;
+        *drawn = k->chosen[i];
+        k->chosen[i] = call;
+    }
+    k->tried = most;
 }
 
 /* Counts the lines that the program or its libraries wrote on standard error, without warnings and without
@@ -133,9 +141,12 @@ static void run_job(breaking *k, long most) {
     clean_for(&k->b);
     note_outputs(&k->b);
     choose_calls(k, most);
-    for (long i = 0; i < k->tried && k->b.failed < 10; i++)
+    for (long i = 0; i < k->tried && k->b.failed < 10; i++) {
+        /* calls of files fail more often than they are short or interrupted, which most calls cannot be */
+        uint64_t way = 0, drawn = lg_rng_below(&rng, k->of == FAULT_MEMORY ? 2 : 6) % 4;
         for (size_t w = 0; w < LG_COUNT(ways); w++)
-            if (ways[w].of == k->of) try_call(k, w, k->chosen[i]);
+            if (ways[w].of == k->of && (way++ == drawn || most == 0)) try_call(k, w, k->chosen[i]);
+    }
     (void)printf("| %s | %ld | %ld | %ld | %ld | %ld | %ld | %llu |\n", k->b.job->name, k->calls, k->tried,
                  k->runs, k->good, k->refused, k->resumed, (unsigned long long)k->b.failed);
     (void)fflush(stdout);
@@ -143,7 +154,7 @@ static void run_job(breaking *k, long most) {
 }
 
 int main(int argc, char **argv) {
-    uint64_t seed = 1, failed = 0;
+    uint64_t seed = 0, failed = 0;
     const char *only = "";
     long runs = 0, most = 0;
     for (int c; (c = getopt(argc, argv, "n:s:o:")) != -1;) {
@@ -156,7 +167,7 @@ int main(int argc, char **argv) {
         stop("usage: broken_calls EXECUTABLES FAULTY memory|files [-n CALLS] [-s SEED] [-o NAME]");
     char *faulty = realpath(argv[optind + 1], NULL);
     if (faulty == NULL) stop("there is no folder %s", argv[optind + 1]);
-    lg_rng_seed(&rng, seed, 0);
+    lg_rng_seed(&rng, seed > 0 ? seed : commit_seed(), 0);
     make_inputs(argv[optind], true, &rng);
     (void)printf("| command | calls | tried | runs | complete | refused | resumed | failures "
                  "|\n|---|---|---|---|---|---|---|---|\n");

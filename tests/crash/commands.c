@@ -50,20 +50,22 @@ const job jobs[] = {
      "search ../in/ranges.yaml ../in/curves.h5 --threads 1 --trials @8:3 --seed 3 --out trials.csv",
      .checkpoint = "trials.csv", .again = "--resume", .counted = true, .parts = ".csv",
      .outputs = {"trials.csv"}},
-    {"`lg-hamiltonian study`", "lg-hamiltonian", "study ../in/grid.yaml --threads 1 --jobs 1 --out study.csv",
-     .checkpoint = "study.csv", .again = "", .adds = true, .parts = ".csv", .outputs = {"study.csv"}},
+    {"`lg-hamiltonian study`", "lg-hamiltonian",
+     "study @../in/grid.yaml:../in/few.yaml --threads 1 --jobs 1 --out study.csv", .checkpoint = "study.csv",
+     .again = "", .adds = true, .parts = ".csv", .outputs = {"study.csv"}},
     {"`lg-hamiltonian study`, 2 jobs, plot", "lg-hamiltonian",
-     "study ../in/grid.yaml --threads 2 --jobs 2 --out study.csv --plot study.svg", .checkpoint = "study.csv",
-     .again = "", .adds = true, .unordered = true, .parts = ".csv", .outputs = {"study.csv"}},
+     "study @../in/grid.yaml:../in/few.yaml --threads 2 --jobs 2 --out study.csv --plot study.svg",
+     .checkpoint = "study.csv", .again = "", .adds = true, .unordered = true, .parts = ".csv",
+     .outputs = {"study.csv"}},
     {"`lg-hamiltonian generate`", "lg-hamiltonian",
      "generate ../in/pendulum.yaml --threads 2 --trajectories @4000:20 --points @60:5 --out made.h5",
      .keeps = true, .outputs = {"made.h5"}},
     {"`lg-anomaly generate`, plot", "lg-anomaly",
-     "generate --noise 10 --runs @9:3 --threads 2 --plot made.svg --out made.h5", .keeps = true,
-     .parts = ".svg .dat .gp", .outputs = {"made.h5", "made.svg", "made.dat", "made.gp"}},
+     "generate --noise 10 --runs @9:3 --hours @1:0.1 --threads 2 --plot made.svg --out made.h5",
+     .keeps = true, .parts = ".svg .dat .gp", .outputs = {"made.h5", "made.svg", "made.dat", "made.gp"}},
     {"`lg-elastica generate`", "lg-elastica", "generate --count @200:10 --threads 2 --out made.h5",
      .keeps = true, .outputs = {"made.h5"}},
-    {"`lg-anomaly feed`", "lg-anomaly", "feed --hours @3:1 --noise 10 --threads 2 --out feed.csv",
+    {"`lg-anomaly feed`", "lg-anomaly", "feed --hours @3:0.2 --noise 10 --threads 2 --out feed.csv",
      .keeps = true, .outputs = {"feed.csv"}},
     {"`lg-export`, C", "lg-export", "../in/net.h5 --name alarm --out code", .outputs = {"code/"}},
     {"`lg-export`, C, into the folder of another export", "lg-export", "../in/net.h5 --name alarm --out code",
@@ -109,10 +111,10 @@ static const struct {
     {"lg-hamiltonian", "generate pendulum.yaml --trajectories 60 --points 10 --out data.h5"},
     {"lg-hamiltonian", "train data.h5 --epochs 20 --hidden 16,16 --out model.h5"},
     {"lg-elastica", "generate --count 60 --out curves.h5"},
-    {"lg-anomaly", "generate --noise 10 --runs 18 --out well.h5"},
+    {"lg-anomaly", "generate --noise 10 --runs @18:9 --hours @1:0.1 --out well.h5"},
     {"lg-anomaly", "train well.h5 --method cnn --epochs 1 --out net.h5"},
-    {"lg-anomaly", "feed --hours 12 --noise 10 --out feed.csv"},
-    {"lg-identify", "generate truth.yaml --runs 4 --t-end 6 --out log.csv"},
+    {"lg-anomaly", "feed --hours @12:1 --noise 10 --out feed.csv"},
+    {"lg-identify", "generate truth.yaml --runs @4:2 --t-end @6:3 --out log.csv"},
     {"lg-export", "net.h5 --name alarm --dtype f64 --golden 3 --out old"},
     {"lg-identify", "fit machine.yaml log.csv --epochs 3 --method lm --out body.h5"},
     {"lg-control", "train task.yaml --seeds 1 --race 20 --finish 20 --polish 2 --out policy.h5"},
@@ -122,6 +124,11 @@ static const struct {
     "columns: {time: t, run: run}\ncoordinates:\n  - {name: x, kind: line, velocity: vx}\n"                  \
     "inputs: {columns: [u], hold: zero}\n"
 
+#define GRID(repeats)                                                                                        \
+    "scene: pendulum.yaml\nintegrators: [euler, rk4]\nN: [20]\nM: [3]\neps: [0]\nrepeats: " repeats          \
+    "\nt_end: 0.1\nepochs: 20\nbatch: 80\nlr: 1e-2\nlr_step: 50\nlr_gamma: 0.1\n"                            \
+    "test: {trajectories: 10, points: 5}\nseed: 1\n"
+
 static const struct {
     const char *name, *text;
 } texts[] = {
@@ -130,9 +137,8 @@ static const struct {
     {"ranges.yaml", "fixed: {network: discrete, method: adam, epochs: 40, dtype: f32, most-curves: 0, modes: "
                     "0, mirror: false}\nranges:\n  hidden: {integer: [8, 24]}\n"
                     "  lr: {log-uniform: [1e-3, 1e-2]}\n"},
-    {"grid.yaml", "scene: pendulum.yaml\nintegrators: [euler, rk4]\nN: [20]\nM: [3]\neps: [0]\nrepeats: 6\n"
-                  "t_end: 0.1\nepochs: 20\nbatch: 80\nlr: 1e-2\nlr_step: 50\nlr_gamma: 0.1\n"
-                  "test: {trajectories: 10, points: 5}\nseed: 1\n"},
+    {"grid.yaml", GRID("6")},
+    {"few.yaml", GRID("2")},
     {"truth.yaml", MACHINE_COLUMNS
      "mass: {kind: known, values: [2]}\npotential: {kind: known, form: quadratic, of: x, values: [2.5]}\n"
      "damping: {kind: known, values: [0.3]}\ninput_map: {kind: known, values: [[1]]}\n"},

@@ -1,4 +1,4 @@
-/* Files of programs: read back to the bit, refusals, damage. test_program_mutants.c has the 20000 mutants. */
+/* Files of programs: read back to the bit, refusals, damage. test_program_mutants.c has 7000 mutants. */
 #include "liegrad/hamiltonian.h"
 
 #include "gradcheck/cases.h"

@@ -6,15 +6,18 @@
 #include <limits.h>
 #include <signal.h>
 #include <sys/mman.h>
+#include <sys/time.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
 #include "support/faults.h"
+#include "support/seed.h"
 
 /* A run hangs if it takes PATIENCE seconds and SLOWER times as long as the undisturbed run took on this
- * machine, with its present load. */
-enum { MOST_STACKS = 1 << 20, PATIENCE = 60, SLOWER = 20 };
+ * machine, with its present load. A test that takes more CPU time than LONGEST times the seconds that it is
+ * given is left out: its few runs would take most of the time. */
+enum { MOST_STACKS = 1 << 20, PATIENCE = 60, SLOWER = 20, LONGEST = 25 };
 typedef enum verdict { PASSED, REFUSED, SILENT, LEAKED, DIED, VERDICTS } verdict;
 static const char *const verdict_names[] = {"passed", "refused", "silent", "leaked", "died"};
 
@@ -93,6 +96,9 @@ static _Noreturn void run_child(lg_suite *suite, const struct CMUnitTest *test) 
     (void)dup2(now.output, STDOUT_FILENO);
     (void)dup2(now.output, STDERR_FILENO);
     (void)alarm(now.patience);
+    const struct itimerval most = {.it_value.tv_sec = (time_t)(LONGEST * now.seconds),
+                                   .it_value.tv_usec = (suseconds_t)(1e6 * fmod(LONGEST * now.seconds, 1.0))};
+    if (now.from == 0) (void)setitimer(ITIMER_PROF, &most, NULL);
     now.armed = true;
     const int failed = _cmocka_run_group_tests("faults", test, 1, suite->begin, NULL);
     const int end = suite->end != NULL ? suite->end(NULL) : 0;
@@ -150,6 +156,21 @@ static double seconds_now(void) {
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
+/* If there is time for fewer calls than there are stacks, the commit draws them. */
+static long choose_calls(long calls, long most, long *chosen) {
+    static uint64_t drawn;
+    const long noted = calls < MOST_STACKS ? calls : MOST_STACKS;
+    const long stacks = faults_choose(report->stacks, noted, calls, 0, chosen);
+    if (most >= stacks) return faults_choose(report->stacks, noted, calls, most, chosen);
+    lg_rng rng = test_rng(commit_seed(), drawn++);
+    for (long i = 0; i < most; i++) {
+        long *at = &chosen[i + (long)lg_rng_below(&rng, (uint64_t)(stacks - i))], call = *at;
+        *at = chosen[i];
+        chosen[i] = call;
+    }
+    return most;
+}
+
 static void try_test(lg_suite *suite, const struct CMUnitTest *test, long sum[VERDICTS]) {
     enum { TOLD = 3 }; /* runs of a test and verdict that are printed */
     long mine[VERDICTS] = {0};
@@ -163,8 +184,7 @@ static void try_test(lg_suite *suite, const struct CMUnitTest *test, long sum[VE
     faults_note_stacks(now.of, NULL, 0);
     if (plain != PASSED || calls == 0) return; /* the test was skipped, or fails without a failing call */
     long *chosen = lg_test_memory((size_t)calls * sizeof *chosen);
-    const long count = faults_choose(report->stacks, calls < MOST_STACKS ? calls : MOST_STACKS, calls,
-                                     (long)fmax(1.0, fmin(most, (double)calls)), chosen);
+    const long count = choose_calls(calls, (long)fmax(2.0, fmin(most, (double)calls)), chosen);
     for (long k = 0; k < 2 * count; k++) {
         const long n = chosen[k / 2], to = k % 2 > 0 ? LONG_MAX : n;
         verdict is = run(suite, test, n, to);

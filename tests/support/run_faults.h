@@ -17,8 +17,8 @@
  *     died      a signal or a sanitizer ended the run, or it took a minute more than 20 undisturbed runs
  *
  * All runs of a test take about SECONDS (default 10). If this is too short for all calls, only some calls
- * fail: first calls with different stacks, then calls at equal distances. The exit code is 1 if a run leaked
- * or died. */
+ * fail: first calls with different stacks, then calls at equal distances. If it is too short for all stacks,
+ * the commit draws calls (support/seed.h), at least two. The exit code is 1 if a run leaked or died. */
 #ifndef LG_RUN_FAULTS_H
 #define LG_RUN_FAULTS_H
 
