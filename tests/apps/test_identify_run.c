@@ -109,6 +109,9 @@ TEST("an input acts exactly as long as it is held") {
         assert_close(v[i], t[i] < 1 ? 0 : 1.5 * fmin(1, t[i] - 1), 0, 1e-12);
         assert_close(u[i], t[i] >= 1 && t[i] < 2 ? 3 : 0, 0, 0);
     }
+    cli_write("hole.csv", "t,run,u\n0,0,0\n1,0,\n2,0,0\n");
+    cli_expect(identify, "generate mass.yaml --inputs hole.csv --runs 1 --out log.csv", 3,
+               "hole.csv: line 3: column u: the value is missing");
 }
 
 TEST("noise has the given size, and the same seed gives the same bytes") {

@@ -624,6 +624,8 @@ static const refusal simulate[] = {
     {"oscillator.yaml --ensemble 5 --scheme rk4", 2, "needs --steps"},
     {"oscillator.yaml --ensemble 5 --scheme rk4 --steps 7 --points 3", 2, "multiple of the step"},
     {"oscillator.yaml --ensemble 5 --members missing.csv", 3, "missing.csv"},
+    {"oscillator.yaml --ensemble 2 --members start.csv", 3,
+     "start.csv: line 3: column q: the value is missing"},
     {"oscillator.yaml --t-end 1e18", 4, "the step size fell below the rounding of time at t = 0"},
     {"chain.yaml --max-steps 5", 4, "in 5 steps (--max-steps)"},
     {"chain.yaml --scheme euler --steps 40 --t-end 1e6", 4, "not finite"},
@@ -668,6 +670,7 @@ static const char *const schemes[][2] = {
 TEST("lg-simulate refuses wrong command lines and files with exit code and message, and writes nothing") {
     cli_test_folder();
     cli_write("oscillator.yaml", "system: oscillator\ninitial: {q: 0.6, p: -0.8}\nt_end: 3\n");
+    cli_write("start.csv", "q,p\n1,0\n,2\n");
     cli_write("no-end.yaml", "system: oscillator\ninitial: {q: 0.6, p: -0.8}\n");
     cli_write("chain.yaml",
               "system: pendulum-chain\nform: lagrangian\ngravity: 9.81\nmasses: [1, 1.3]\n"

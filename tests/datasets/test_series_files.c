@@ -262,6 +262,13 @@ TEST("samples are read in the types of other programs") {
     }
 }
 
+TEST("a series that MATLAB has saved is rejected, because its dimensions are in reverse order") {
+    const char *path = foreign_file(H5T_IEEE_F64LE, 3, false);
+    put_labels(path, "y", H5T_STD_U8LE, 1, plain);
+    replace_text(path, "X", "MATLAB_class", "double");
+    assert_refused(read_data, path, LG_FORMAT, "/X", "permute(x, 3:-1:1)");
+}
+
 TEST("labels may be numbers of any type") {
     const struct {
         hid_t stored;
