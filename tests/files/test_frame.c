@@ -286,8 +286,8 @@ static void write_misfits(const char *path) {
     assert_true(H5Tclose(type) >= 0 && H5Fclose(file) >= 0);
 }
 
-/* Two whole numbers each, with an attribute of MATLAB or netCDF; MATLAB names its classes. `one` is a matrix of
- * one column with a name. */
+/* Two whole numbers each, with an attribute of MATLAB or netCDF. `one` is a matrix of one column with a
+ * name. */
 static void write_marked(const char *path) {
     static const char *const rows[][3] = {{"chars", "MATLAB_class", "char"},
                                           {"empty", "MATLAB_empty", ""},
