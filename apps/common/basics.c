@@ -186,12 +186,12 @@ double app_seconds(void) {
 /* ---- threads ---- */
 
 void app_parallel(uint64_t threads, size_t count, void (*task)(void *user, size_t index), void *user) {
-    lg_thread_pool *pool;
+    lg_thread_pool *pool = NULL;
     if (threads > count) threads = count;
-    if (threads < 1) threads = 1;
-    /* If the threads cannot be started, one does all the work. */
-    if (lg_thread_pool_create(NULL, (int)threads, &pool) != LG_OK)
-        (void)app_had_memory(lg_thread_pool_create(NULL, 1, &pool));
-    lg_thread_pool_run(pool, count, task, user);
+    /* If the threads cannot be started, this one does all the work. */
+    if (lg_thread_pool_create(NULL, threads > 1 ? (int)threads : 1, &pool) == LG_OK)
+        lg_thread_pool_run(pool, count, task, user);
+    else
+        for (size_t i = 0; i < count; i++) task(user, i);
     lg_thread_pool_destroy(pool);
 }
