@@ -142,10 +142,8 @@ static bool any_number(char (*list)[LG_SERIES_NAME], uint32_t count) {
 }
 
 void lg_names_show(char (*list)[LG_SERIES_NAME], uint32_t count, char *text, size_t size) {
-    size_t used = 0;
     text[0] = '\0';
-    for (uint32_t c = 0; c < count && used < size; c++)
-        used += (size_t)snprintf(text + used, size - used, "%s%s", c > 0 ? "|" : "", list[c]);
+    for (uint32_t c = 0; c < count; c++) lg_append(text, size, "%s%s", c > 0 ? "|" : "", list[c]);
 }
 
 static lg_status unknown_label(const lg_h5 *h5, const char *label, char (*list)[LG_SERIES_NAME],
