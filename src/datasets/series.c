@@ -35,17 +35,20 @@ static lg_status check_samples(const char *path, const lg_series *s, lg_error *e
                    at / window, at % window / s->length, at % s->length);
 }
 
-/* Finds a run whose windows are not consecutive: *torn, and its number *which. */
-static lg_status find_torn(const lg_context *context, const char *path, const lg_series *s, bool *torn,
-                           uint32_t *which, lg_error *error) {
+/* Fails with LG_INVALID_ARGUMENT if the windows of some run are not consecutive. */
+static lg_status check_runs(const lg_context *context, const char *path, const lg_series *s,
+                            lg_error *error) {
     size_t stretches = 0;
-    *torn = false;
     if (s->run == NULL) return LG_OK;
     LG_TRY_SCRATCH(uint32_t, sorted, context, s->count, lg_no_memory_for(path, error));
     for (size_t i = 0; i < s->count; i++)
         if (i == 0 || s->run[i] != s->run[i - 1]) sorted[stretches++] = s->run[i];
     qsort(sorted, stretches, sizeof *sorted, lg_compare_u32);
-    for (size_t i = 1; i < stretches && !*torn; i++) *torn = sorted[i] == sorted[i - 1], *which = sorted[i];
+    for (size_t i = 1; i < stretches; i++)
+        if (sorted[i] == sorted[i - 1])
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "%s: /run: the windows of run %u do not follow each other", lg_shown_path(path),
+                           sorted[i]);
     return LG_OK;
 }
 
@@ -60,8 +63,7 @@ typedef struct read_call {
     bool bad_rate; /* the attribute rate, written by another program, is not a number */
     lg_precision precision;
     bool ours;               /* the file was written by this library, so its attributes must be valid */
-    bool torn;               /* there are runs, but the windows of some run are not consecutive */
-    uint32_t torn_run;       /* a run whose windows are not consecutive */
+    lg_error torn;           /* of check_runs */
     bool by_number, guessed; /* as in lg_labels */
 } read_call;
 
@@ -119,10 +121,12 @@ static lg_status read_units(read_call *call, const char *name, uint32_t *out, lg
     return LG_OK;
 }
 
-static lg_status check_runs(read_call *call, lg_error *error) {
+/* Leaves out runs whose windows are not consecutive. */
+static lg_status keep_runs(read_call *call, lg_error *error) {
     lg_series *s = &call->out->series;
-    LG_TRY(find_torn(call->context, call->path, s, &call->torn, &call->torn_run, error));
-    if (!call->torn) return LG_OK;
+    const lg_status status = check_runs(call->context, call->path, s, &call->torn);
+    if (status == LG_OUT_OF_MEMORY) return lg_no_memory_for(call->path, error);
+    if (status == LG_OK) return LG_OK;
     lg_free(call->context, s->run);
     s->run = NULL;
     return LG_OK;
@@ -186,16 +190,14 @@ static lg_status read_attributes(read_call *call, lg_error *error) {
 
 static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
     read_call *call = user;
-    char format[16];
     call->h5 = h5;
     LG_TRY(lg_h5_check_format(h5, "series", true, error));
-    call->ours =
-        lg_h5_text(h5, "", "format", format, sizeof format, NULL) == LG_OK && strcmp(format, "liegrad") == 0;
+    call->ours = lg_h5_is_ours(h5);
     LG_TRY(read_shape(call, error));
     LG_TRY(read_labels(call, error));
     LG_TRY(read_units(call, "group", call->out->series.group, error));
     LG_TRY(read_units(call, "run", call->out->series.run, error));
-    LG_TRY(check_runs(call, error));
+    LG_TRY(keep_runs(call, error));
     LG_TRY(read_attributes(call, error));
     LG_TRY(read_samples(call, error));
     lg_h5_provenance(h5, &call->out->provenance);
@@ -204,11 +206,8 @@ static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
 
 static void warn(const read_call *call) {
     const char *shown = lg_shown_path(call->path);
-    if (call->torn)
-        lg_log_message(
-            call->context, LG_LOG_WARNING,
-            "%s: /run: the windows of run %u do not follow each other: runs are treated as unknown", shown,
-            call->torn_run);
+    if (call->torn.status != LG_OK)
+        lg_log_message(call->context, LG_LOG_WARNING, "%s: runs are treated as unknown", call->torn.message);
     if (call->by_number)
         lg_log_message(call->context, LG_LOG_WARNING,
                        "%s: /y: the labels are not names of the expected classes and are taken as their "
@@ -252,17 +251,6 @@ static lg_status check_labels(const char *path, const lg_series *s, lg_error *er
     return LG_OK;
 }
 
-static lg_status check_written_runs(const lg_context *context, const char *path, const lg_series *s,
-                                    lg_error *error) {
-    bool torn;
-    uint32_t which;
-    LG_TRY(find_torn(context, path, s, &torn, &which, error));
-    return torn ? lg_fail(error, LG_INVALID_ARGUMENT,
-                          "%s: /run: the windows of run %u do not follow each other", lg_shown_path(path),
-                          which)
-                : LG_OK;
-}
-
 static lg_status check_written(const lg_context *context, const char *path, const lg_series_data *data,
                                lg_error *error) {
     const lg_series *s = &data->series;
@@ -277,7 +265,7 @@ static lg_status check_written(const lg_context *context, const char *path, cons
                        lg_shown_path(path), data->healthy);
     LG_TRY(lg_sensing_check(context, path, s, error));
     LG_TRY(check_labels(path, s, error));
-    LG_TRY(check_written_runs(context, path, s, error));
+    LG_TRY(check_runs(context, path, s, error));
     return check_samples(path, s, error);
 }
 

@@ -91,7 +91,7 @@ typedef struct lg_labels {
     bool guessed;
     /* The labels are taken as class numbers of `like`, because nothing else fits. Gives a warning. */
     bool by_number;
-    bool starved; /* memory ran out */
+    struct lg_lookup *sorted; /* scratch of lg_labels_classes: a list of labels, sorted for lookups */
 } lg_labels;
 
 void lg_labels_destroy(lg_labels *labels);

@@ -8,7 +8,7 @@
 #include "datasets/series_files.h"
 
 void lg_labels_destroy(lg_labels *labels) {
-    LG_FREE_ALL(labels->context, labels->label, labels->value, labels->class_of);
+    LG_FREE_ALL(labels->context, labels->label, labels->value, labels->class_of, labels->sorted);
     lg_names_destroy(&labels->text);
     lg_names_destroy(&labels->of_class);
     *labels = (lg_labels){.context = labels->context};
@@ -96,13 +96,10 @@ static int by_label(const void *a, const void *b) {
     return lg_label_compare(((const lg_lookup *)a)->name, ((const lg_lookup *)b)->name);
 }
 
-/* A sorted list of labels for lookups. Returns NULL and sets labels->starved if memory runs out. */
-static lg_lookup *sort_list(lg_labels *labels, char (*list)[LG_SERIES_NAME], uint32_t count) {
-    lg_lookup *sorted = lg_alloc(labels->context, count, sizeof *sorted);
-    if (sorted == NULL) labels->starved = true;
-    for (uint32_t c = 0; c < count && sorted != NULL; c++) sorted[c] = (lg_lookup){list[c], c};
-    if (sorted != NULL) qsort(sorted, count, sizeof *sorted, by_label);
-    return sorted;
+/* Sorts a list of labels for lookups. */
+static void sort_list(lg_labels *labels, char (*list)[LG_SERIES_NAME], uint32_t count) {
+    for (uint32_t c = 0; c < count; c++) labels->sorted[c] = (lg_lookup){list[c], c};
+    qsort(labels->sorted, count, sizeof *labels->sorted, by_label);
 }
 
 static bool same_number(const char *a, const char *b) {
@@ -127,13 +124,13 @@ static bool find_in(const lg_lookup *sorted, size_t count, const char *text, uin
 }
 
 /* Sets the class of each distinct label to its index in `list`. Returns false if a label is not in the list;
- * *missing is then the first such label. It also returns false if memory runs out (labels->starved). */
+ * *missing is then the first such label. */
 static bool find_labels(char (*list)[LG_SERIES_NAME], uint32_t count, lg_labels *labels, uint32_t *missing) {
     uint32_t i = 0;
-    lg_lookup *sorted = sort_list(labels, list, count);
-    if (sorted == NULL) return false;
-    while (i < labels->text.count && find_in(sorted, count, labels->text.name[i], &labels->class_of[i])) i++;
-    lg_free(labels->context, sorted);
+    sort_list(labels, list, count);
+    while (i < labels->text.count &&
+           find_in(labels->sorted, count, labels->text.name[i], &labels->class_of[i]))
+        i++;
     if (i < labels->text.count) *missing = i;
     return i == labels->text.count;
 }
@@ -145,10 +142,8 @@ static bool any_number(char (*list)[LG_SERIES_NAME], uint32_t count) {
 }
 
 void lg_names_show(char (*list)[LG_SERIES_NAME], uint32_t count, char *text, size_t size) {
-    size_t used = 0;
     text[0] = '\0';
-    for (uint32_t c = 0; c < count && used < size; c++)
-        used += (size_t)snprintf(text + used, size - used, "%s%s", c > 0 ? "|" : "", list[c]);
+    for (uint32_t c = 0; c < count; c++) lg_append(text, size, "%s%s", c > 0 ? "|" : "", list[c]);
 }
 
 static lg_status unknown_label(const lg_h5 *h5, const char *label, char (*list)[LG_SERIES_NAME],
@@ -257,12 +252,10 @@ static lg_status own_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_lab
 /* Replaces the classes of the file by the classes of `like` with the same names. */
 static lg_status match_names(const lg_h5 *h5, const lg_series *like, lg_labels *labels, const lg_names *names,
                              lg_error *error) {
-    LG_CLEAN(lg_owned_free)
-    lg_owned sorted = {labels->context, sort_list(labels, like->class_name, like->classes)};
-    if (sorted.memory == NULL) return LG_OUT_OF_MEMORY;
+    sort_list(labels, like->class_name, like->classes);
     for (uint32_t i = 0; i < labels->text.count; i++) {
         const char *name = names->name[labels->class_of[i]];
-        if (!find_in(sorted.memory, like->classes, name, &labels->class_of[i]))
+        if (!find_in(labels->sorted, like->classes, name, &labels->class_of[i]))
             return unknown_label(h5, name, like->class_name, like->classes, like->class_name, error);
     }
     return LG_OK;
@@ -287,12 +280,14 @@ static lg_status match_labels(const lg_h5 *h5, const lg_series *like, lg_labels 
                          labelled ? like->class_label : like->class_name, count, like->class_name, error);
 }
 
-static lg_status choose_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels,
-                                lg_names *names, lg_error *error) {
+lg_status lg_labels_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels, lg_names *names,
+                            lg_error *error) {
     if (labels->value != NULL) LG_TRY(name_values(h5, labels, error));
     labels->class_of = lg_alloc(h5->context, labels->text.count, sizeof *labels->class_of);
-    if (labels->class_of == NULL) return lg_h5_no_memory(h5, error);
     LG_TRY(lg_names_get(h5, "classes", true, names, error));
+    const uint32_t longest = like != NULL && like->classes > names->count ? like->classes : names->count;
+    labels->sorted = lg_alloc(h5->context, longest, sizeof *labels->sorted);
+    if (labels->class_of == NULL || labels->sorted == NULL) return lg_h5_no_memory(h5, error);
     if (names->count > 0) {
         LG_TRY(own_classes(h5, ours, like, labels, names, error));
         if (like != NULL) LG_TRY(match_names(h5, like, labels, names, error));
@@ -309,10 +304,4 @@ static lg_status choose_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_
         return LG_OK;
     }
     return copy_list(h5, like->class_label, like->classes, &labels->of_class, error);
-}
-
-lg_status lg_labels_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels, lg_names *names,
-                            lg_error *error) {
-    const lg_status status = choose_classes(h5, ours, like, labels, names, error);
-    return labels->starved ? lg_h5_no_memory(h5, error) : status;
 }

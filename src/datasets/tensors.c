@@ -64,20 +64,20 @@ static lg_status no_memory(const reading *r, lg_error *error) {
     return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %s", lg_shown_path(r->path));
 }
 
-/* Returns the text of a node, or NULL if the node is not a text or the text contains a zero byte. */
-static const char *text_of(const yaml_node_t *node) {
-    if (node == NULL || node->type != YAML_SCALAR_NODE) return NULL;
-    const char *text = (const char *)node->data.scalar.value;
-    return strlen(text) == node->data.scalar.length ? text : NULL;
-}
-
-static yaml_node_t *value_of(yaml_document_t *document, const yaml_node_t *mapping, const char *key) {
+/* The value of a key; NULL: there is none. */
+static const yaml_node_t *value_of(const reading *r, const yaml_node_t *mapping, const char *key) {
     if (mapping->type != YAML_MAPPING_NODE) return NULL;
     for (yaml_node_pair_t *p = mapping->data.mapping.pairs.start; p < mapping->data.mapping.pairs.top; p++) {
-        const char *name = text_of(yaml_document_get_node(document, p->key));
-        if (name != NULL && strcmp(name, key) == 0) return yaml_document_get_node(document, p->value);
+        const char *name = lg_node_text(lg_node_at(r->header, p->key), SIZE_MAX);
+        if (name != NULL && strcmp(name, key) == 0) return lg_node_at(r->header, p->value);
     }
     return NULL;
+}
+
+/* The text of a key's value; NULL: there is none. */
+static const char *text_of(const reading *r, const yaml_node_t *mapping, const char *key) {
+    const yaml_node_t *node = value_of(r, mapping, key);
+    return node != NULL ? lg_node_text(node, SIZE_MAX) : NULL;
 }
 
 /* Checks that all keys are texts and that no key occurs twice. `what` is the mapping's name in error
@@ -88,8 +88,7 @@ static lg_status check_keys(const reading *r, const yaml_node_t *mapping, const 
     const size_t pairs = (size_t)(mapping->data.mapping.pairs.top - first);
     LG_TRY_SCRATCH(lg_lookup, sorted, r->context, pairs, no_memory(r, error));
     for (size_t i = 0; i < pairs; i++) {
-        sorted[i] =
-            (lg_lookup){text_of(yaml_document_get_node(lg_yaml_document(r->header), first[i].key)), i};
+        sorted[i] = (lg_lookup){lg_node_text(lg_node_at(r->header, first[i].key), SIZE_MAX), i};
         if (sorted[i].name == NULL)
             return lg_fail(error, LG_FORMAT, "%s: %s: a key is not a text", lg_shown_path(r->path), what);
     }
@@ -102,22 +101,17 @@ static lg_status check_keys(const reading *r, const yaml_node_t *mapping, const 
 }
 
 /* Reads a list of at most `most` nonnegative integers. */
-static bool wholes_of(yaml_document_t *document, const yaml_node_t *list, uint64_t *out, uint32_t most,
+static bool wholes_of(const reading *r, const yaml_node_t *list, uint64_t *out, uint32_t most,
                       uint32_t *count) {
-    *count = 0;
-    if (list == NULL || list->type != YAML_SEQUENCE_NODE) return false;
-    for (yaml_node_item_t *i = list->data.sequence.items.start; i < list->data.sequence.items.top; i++) {
-        const char *text = text_of(yaml_document_get_node(document, *i));
-        if (text == NULL || *count == most || strlen(text) > 15 ||
-            strspn(text, "0123456789") != strlen(text) || *text == '\0')
+    if (list == NULL || list->type != YAML_SEQUENCE_NODE || lg_node_length(list) > most) return false;
+    *count = (uint32_t)lg_node_length(list);
+    for (uint32_t i = 0; i < *count; i++)
+        if (lg_integer_parse(lg_node_text(lg_node_item(r->header, list, i), 16), &out[i]) != LG_OK)
             return false;
-        out[(*count)++] = strtoull(text, NULL, 10);
-    }
     return true;
 }
 
 static lg_status take_tensor(const reading *r, const char *name, const yaml_node_t *about, lg_error *error) {
-    yaml_document_t *document = lg_yaml_document(r->header);
     uint64_t range[2];
     uint32_t ends;
     size_t type = 0;
@@ -125,12 +119,12 @@ static lg_status take_tensor(const reading *r, const char *name, const yaml_node
     if (strlen(name) >= sizeof t->name) return bad(r, error, name, "the name is too long");
     memcpy(t->name, name, strlen(name) + 1);
     LG_TRY(check_keys(r, about, name, error));
-    const char *type_name = text_of(value_of(document, about, "dtype"));
+    const char *type_name = text_of(r, about, "dtype");
     while (type < LG_COUNT(types) && (type_name == NULL || strcmp(types[type].name, type_name) != 0)) type++;
     if (type == LG_COUNT(types)) return bad(r, error, name, "the type is not F64, F32, F16 or BF16");
-    if (!wholes_of(document, value_of(document, about, "shape"), t->dims, 4, &t->rank))
+    if (!wholes_of(r, value_of(r, about, "shape"), t->dims, 4, &t->rank))
         return bad(r, error, name, "the shape is not a list of at most 4 whole numbers");
-    if (!wholes_of(document, value_of(document, about, "data_offsets"), range, 2, &ends) || ends != 2)
+    if (!wholes_of(r, value_of(r, about, "data_offsets"), range, 2, &ends) || ends != 2)
         return bad(r, error, name, "data_offsets is not a list of 2 whole numbers");
     uint64_t count = 1;
     for (uint32_t k = 0; k < t->rank; k++) {
@@ -146,9 +140,8 @@ static lg_status take_tensor(const reading *r, const char *name, const yaml_node
 }
 
 static lg_status take_all(reading *r, lg_error *error) {
-    yaml_document_t *document = lg_yaml_document(r->header);
     /* lg_yaml_open_text has checked that the root is a mapping. */
-    const yaml_node_t *root = yaml_document_get_root_node(document);
+    const yaml_node_t *root = yaml_document_get_root_node(lg_yaml_document(r->header));
     const size_t pairs = (size_t)(root->data.mapping.pairs.top - root->data.mapping.pairs.start);
     if (pairs > MOST_TENSORS)
         return lg_fail(error, LG_FORMAT, "%s: has more than %d tensors", lg_shown_path(r->path),
@@ -158,10 +151,10 @@ static lg_status take_all(reading *r, lg_error *error) {
     r->places = lg_alloc(r->context, pairs + 1, sizeof *r->places);
     if (r->out->tensor == NULL || r->places == NULL) return no_memory(r, error);
     for (yaml_node_pair_t *p = root->data.mapping.pairs.start; p < root->data.mapping.pairs.top; p++) {
-        const char *name = text_of(yaml_document_get_node(document, p->key));
-        const yaml_node_t *about = yaml_document_get_node(document, p->value);
+        const char *name = lg_node_text(lg_node_at(r->header, p->key), SIZE_MAX);
+        const yaml_node_t *about = lg_node_at(r->header, p->value);
         if (strcmp(name, "__metadata__") == 0) {
-            const char *layout = text_of(value_of(document, about, "layout"));
+            const char *layout = text_of(r, about, "layout");
             r->out->inputs_first = layout != NULL && strstr(layout, "(in, out)") != NULL;
             continue;
         }

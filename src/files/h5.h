@@ -180,6 +180,8 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
                        lg_error *error);
 /* Reads every numeric data set and every attribute once. The probe of an archive does this. */
 lg_status lg_h5_read_all(lg_h5 *h5, lg_error *error);
+/* Whether the attribute `format` says that this library wrote the file. */
+bool lg_h5_is_ours(lg_h5 *h5);
 /* The attribute `kind`, or "" if the file does not have it or is of another format. */
 enum { LG_H5_KIND = 64 };
 lg_status lg_h5_kind(lg_h5 *h5, char text[LG_H5_KIND], lg_error *error);

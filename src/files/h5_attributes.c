@@ -128,24 +128,29 @@ static lg_status check_version(lg_h5 *h5, lg_error *error) {
     return LG_OK;
 }
 
+bool lg_h5_is_ours(lg_h5 *h5) {
+    char text[16] = "";
+    (void)lg_h5_text(h5, "", "format", text, sizeof text, NULL); /* on failure it stays empty */
+    return strcmp(text, "liegrad") == 0;
+}
+
 lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error *error) {
     char text[64] = "";
-    bool has_format = lg_h5_has_attribute(h5, "", "format");
+    const bool ours = lg_h5_is_ours(h5), has_kind = lg_h5_has_attribute(h5, "", "kind");
     const char *shown = lg_shown_path(h5->path);
-    if (has_format && lg_h5_text(h5, "", "format", text, sizeof text, NULL) != LG_OK) text[0] = '\0';
-    bool ours = has_format && strcmp(text, "liegrad") == 0;
-    if (has_format && !ours && foreign) return LG_OK;
-    if (has_format && !ours)
+    if (!ours && lg_h5_has_attribute(h5, "", "format")) {
+        if (foreign) return LG_OK;
+        (void)lg_h5_text(h5, "", "format", text, sizeof text, NULL);
         return lg_fail(error, LG_FORMAT, "%s: attribute format is '%s', expected 'liegrad'", shown,
                        lg_tamed(text));
+    }
     LG_TRY(check_version(h5, error));
-    if (kind == NULL || (foreign && !lg_h5_has_attribute(h5, "", "kind"))) return LG_OK;
-    if (!lg_h5_has_attribute(h5, "", "kind"))
+    if (kind == NULL || (foreign && !has_kind)) return LG_OK;
+    if (!has_kind)
         return lg_fail(error, LG_FORMAT, "%s: attribute kind is missing, expected '%s'", shown, kind);
-    lg_status status = lg_h5_text(h5, "", "kind", text, sizeof text, error);
-    if (status != LG_OK)
-        return status == LG_SHAPE ? lg_fail(error, LG_FORMAT, "%s: attribute kind is too long", shown)
-                                  : status;
+    const lg_status status = lg_h5_text(h5, "", "kind", text, sizeof text, error);
+    if (status == LG_SHAPE) return lg_fail(error, LG_FORMAT, "%s: attribute kind is too long", shown);
+    LG_TRY(status);
     if (strcmp(text, kind) != 0 && (ours || !foreign))
         return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected '%s': %s", shown,
                        lg_tamed(text), kind, lg_h5_what_is(text));

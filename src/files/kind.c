@@ -7,24 +7,17 @@
 #include "files/h5.h"
 
 lg_status lg_h5_kind(lg_h5 *h5, char text[LG_H5_KIND], lg_error *error) {
-    char format[16] = "liegrad";
     text[0] = '\0';
     LG_TRY(lg_h5_check_format(h5, NULL, true, error));
-    if (lg_h5_has_attribute(h5, "", "format") &&
-        lg_h5_text(h5, "", "format", format, sizeof format, NULL) != LG_OK)
-        return LG_OK;
-    if (strcmp(format, "liegrad") != 0 || !lg_h5_has_attribute(h5, "", "kind")) return LG_OK;
-    if (lg_h5_text(h5, "", "kind", text, LG_H5_KIND, NULL) != LG_OK) text[0] = '\0';
+    if (!lg_h5_has_attribute(h5, "", "format") || lg_h5_is_ours(h5))
+        (void)lg_h5_text(h5, "", "kind", text, LG_H5_KIND, NULL);
     (void)lg_tamed(text);
     return LG_OK;
 }
 
 static lg_status read_format(void *user, lg_h5 *h5, lg_error *error) {
-    char format[16] = "";
-    if (!lg_h5_has_attribute(h5, "", "format")) return LG_OK;
-    const lg_status status = lg_h5_text(h5, "", "format", format, sizeof format, NULL);
-    *(bool *)user = status == LG_OK && strcmp(format, "liegrad") == 0;
-    return status == LG_OUT_OF_MEMORY ? lg_fail(error, status, "out of memory") : LG_OK;
+    *(bool *)user = lg_h5_is_ours(h5);
+    return LG_OK;
 }
 
 lg_status lg_file_is_ours(const lg_context *context, const char *path, bool *ours, lg_error *error) {

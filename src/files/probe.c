@@ -120,17 +120,7 @@ static const char *enter_child(const lg_read_options *options, const struct stat
  * rejects a report if its status does not exist, if its text is not terminated, or if its text has control
  * characters. */
 
-static bool transfer(int fd, void *data, size_t bytes) {
-    unsigned char *at = data;
-    while (bytes > 0) {
-        ssize_t n = write(fd, at, bytes);
-        if (n > 0)
-            at += n, bytes -= (size_t)n;
-        else if (n == 0 || errno != EINTR)
-            return false;
-    }
-    return true;
-}
+_Static_assert(sizeof(lg_error) <= PIPE_BUF, "one write sends a report as a whole");
 
 static bool is_report(const lg_context *context, lg_error *report) {
     if (memchr(report->message, '\0', sizeof report->message) == NULL) return false;
@@ -155,20 +145,14 @@ static _Noreturn void run_child(int fd, const char *path, const lg_read_options 
                                   "%s; LIEGRAD_UNCONFINED=1 reads it all the same",
                                   lg_shown_path(path), missing);
     (void)lg_tame(report.message);
-    _exit(transfer(fd, &report, sizeof report) ? 0 : 1);
+    while (write(fd, &report, sizeof report) < 0 && errno == EINTR) continue;
+    _exit(0);
 }
 
 /* PATIENT: after this many seconds without a report, a log message says that the check goes on. STILL: the
  * child is ended after options->probe_seconds + STILL seconds in which it used no CPU time, because it waits
  * for something that will not come. */
 enum { PATIENT = 3, STILL = 4 };
-
-/* Returns the seconds of a monotonic clock. */
-static double steady_seconds(void) {
-    struct timespec now = {0, 0};
-    (void)clock_gettime(CLOCK_MONOTONIC, &now);
-    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
 
 /* CPU time of the child in seconds, or -1 if it is not known. */
 static double child_seconds(pid_t child) {
@@ -184,7 +168,7 @@ static lg_status await_report(const lg_context *context, const char *path, const
                               lg_error *error) {
     struct pollfd ready = {fd, POLLIN, 0};
     const unsigned most = options->probe_seconds + STILL;
-    const double begun = steady_seconds();
+    const double begun = lg_seconds();
     unsigned still = 0;
     double used = 0.0;
     for (unsigned waited = 0;; waited++) {
@@ -199,7 +183,7 @@ static lg_status await_report(const lg_context *context, const char *path, const
         const double now = child_seconds(child);
         still = now > used || now < 0.0 ? 0 : still + 1;
         used = now;
-        const double passed = steady_seconds() - begun;
+        const double passed = lg_seconds() - begun;
         if (still >= most || passed >= patience(options, file))
             return lg_fail(error, LG_FILE, "%s: the check of the file %s %.0f s and was ended",
                            lg_shown_path(path), still >= most ? "made no progress for" : "took",

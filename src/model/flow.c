@@ -8,7 +8,7 @@ lg_status lg_model_field(const lg_model *model, const double *state, const doubl
                          void *work) {
     LG_NEEDS(NULL, model, state, field, work);
     if (!lg_model_moves(model)) return LG_UNSUPPORTED;
-    const double *const x[] = {state, input != NULL ? input : lg_model_no_input(model, work)};
+    const double *const x[] = {state, lg_model_input(model, input, work)};
     lg_model_run(model, LG_MODEL_FIELD, x, &field, work);
     return LG_OK;
 }
@@ -50,7 +50,7 @@ static lg_status ode_field(void *user, double t, const double *y, const double *
 
 static lg_status ode_force(void *user, double t, const double *q, const double *input, double *out) {
     const lg_model_user *self = user;
-    const double *const x[] = {q, input != NULL ? input : lg_model_no_input(self->model, self->work)};
+    const double *const x[] = {q, lg_model_input(self->model, input, self->work)};
     lg_model_run(self->model, LG_MODEL_FORCE, x, &out, self->work);
     return LG_OK;
 }

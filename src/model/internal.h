@@ -51,7 +51,7 @@ LG_API lg_status lg_model_copy_program(const lg_model *model, const lg_scheme *s
                                        lg_error *error);
 /* The scheme of the step that lg_model_copy_program adds by default; NULL: it adds no step. */
 LG_API const lg_scheme *lg_model_usual_scheme(const lg_model *model);
-/* An input of zeros (m), in `work`, for callers that pass NULL. */
-const double *lg_model_no_input(const lg_model *model, void *work);
+/* The input or, for callers that pass NULL, an input of zeros (m), in `work`. */
+const double *lg_model_input(const lg_model *model, const double *input, void *work);
 
 #endif

@@ -21,33 +21,34 @@ typedef struct linear_parts {
     double *basis;    /* (d, r): of the tangent space */
     double *moved;    /* (d, r): jx basis */
     double *velocity; /* (d + r): an ambient vector and coordinates, scratch */
-    double *search;   /* (2 d + 3 r + 2 r r): for lg_model_equilibrium */
+    /* For lg_model_equilibrium: */
+    double *at, *trial;           /* (d): state, next state */
+    double *drift, *ahead, *step; /* (r): c' at the state, c' at the next state, step */
+    double *A, *normal;           /* (r, r): A or the Cholesky factor, A^T A */
+    size_t doubles;               /* total length */
 } linear_parts;
 
-/* Lays out the arrays behind the plans' work; *doubles is their total length. A model that does not move has
- * no arrays: it may have many inputs, and (d, d) would ask for too much memory. */
-static linear_parts parts_of(const lg_model *model, void *work, size_t *doubles) {
+/* Lays out the arrays behind the plans' work. A model that does not move has no arrays: it may have many
+ * inputs, and (d, d) would ask for too much memory. */
+static linear_parts parts_of(const lg_model *model, void *work) {
     const size_t d = lg_model_moves(model) ? model->inputs : 0, m = lg_model_input_dim(model),
                  r = lg_model_tangent_dim(model);
-    const size_t sizes[] = {m, d * d, d * m, d * r, d * r, d + r, 2 * d + 3 * r + 2 * r * r};
-    double *at[LG_COUNT(sizes)] = {NULL};
-    *doubles = 0;
-    for (size_t i = 0; i < LG_COUNT(sizes); i++) {
-        if (work != NULL) at[i] = (double *)(void *)((char *)work + model->plan_work) + *doubles;
-        *doubles += sizes[i];
-    }
-    return (linear_parts){at[0], at[1], at[2], at[3], at[4], at[5], at[6]};
+    linear_parts w = {.doubles = 0};
+    double **const arrays[] = {&w.zeros, &w.jx,    &w.ju,    &w.basis, &w.moved, &w.velocity, &w.at,
+                               &w.trial, &w.drift, &w.ahead, &w.step,  &w.A,     &w.normal};
+    const size_t sizes[] = {m, d * d, d * m, d * r, d * r, d + r, d, d, r, r, r, r * r, r * r};
+    for (size_t i = 0; i < LG_COUNT(sizes); w.doubles += sizes[i++])
+        if (work != NULL) *arrays[i] = (double *)(void *)((char *)work + model->plan_work) + w.doubles;
+    return w;
 }
 
 size_t lg_model_linear_work_size(const lg_model *model) {
-    size_t doubles;
-    (void)parts_of(model, NULL, &doubles);
-    return doubles * sizeof(double);
+    return parts_of(model, NULL).doubles * sizeof(double);
 }
 
-const double *lg_model_no_input(const lg_model *model, void *work) {
-    size_t doubles;
-    double *zeros = parts_of(model, work, &doubles).zeros;
+const double *lg_model_input(const lg_model *model, const double *input, void *work) {
+    if (input != NULL) return input;
+    double *zeros = parts_of(model, work).zeros;
     memset(zeros, 0, lg_model_input_dim(model) * sizeof *zeros);
     return zeros;
 }
@@ -67,9 +68,8 @@ lg_status lg_model_linearise(const lg_model *model, const double *state, const d
     LG_NEEDS(NULL, model, state, work);
     if (!lg_model_moves(model)) return LG_UNSUPPORTED;
     const size_t d = model->inputs, m = lg_model_input_dim(model), r = lg_model_tangent_dim(model);
-    size_t doubles;
-    const linear_parts w = parts_of(model, work, &doubles);
-    const double *const x[] = {state, input != NULL ? input : lg_model_no_input(model, work)};
+    const linear_parts w = parts_of(model, work);
+    const double *const x[] = {state, lg_model_input(model, input, work)};
     double *const y[] = {A != NULL ? w.jx : NULL, m > 0 && B != NULL ? w.ju : NULL};
     lg_model_run(model, LG_MODEL_LINEAR, x, y, work);
     lg_space_basis(&model->space, state, w.basis);
@@ -86,8 +86,7 @@ lg_status lg_model_deviation(const lg_model *model, const double *state, const d
                              void *work) {
     LG_NEEDS(NULL, model, state, other, c, work);
     if (!lg_model_moves(model)) return LG_UNSUPPORTED;
-    size_t doubles;
-    const linear_parts w = parts_of(model, work, &doubles);
+    const linear_parts w = parts_of(model, work);
     for (size_t i = 0; i < model->inputs; i++) w.velocity[i] = other[i] - state[i];
     lg_space_coordinates(&model->space, state, w.velocity, c);
     return LG_OK;
@@ -97,10 +96,9 @@ lg_status lg_model_deviation(const lg_model *model, const double *state, const d
 
 void lg_model_velocity(const lg_model *model, const double *state, const double *input, double *velocity,
                        double *jacobian, void *work) {
-    const double *const x[] = {state, input != NULL ? input : lg_model_no_input(model, work)};
+    const double *const x[] = {state, lg_model_input(model, input, work)};
     double *const y[] = {jacobian, NULL};
-    size_t doubles;
-    double *field = parts_of(model, work, &doubles).jx; /* algebra_dim <= d d, so the field fits */
+    double *field = parts_of(model, work).jx; /* algebra_dim <= d d, so the field fits */
     if (jacobian != NULL) lg_model_run(model, LG_MODEL_LINEAR, x, y, work);
     if (velocity == NULL) return;
     lg_model_run(model, LG_MODEL_FIELD, x, &field, work);
@@ -108,8 +106,7 @@ void lg_model_velocity(const lg_model *model, const double *state, const double 
 }
 
 void lg_model_drift(const lg_model *model, const double *state, const double *input, double *c, void *work) {
-    size_t doubles;
-    const linear_parts w = parts_of(model, work, &doubles);
+    const linear_parts w = parts_of(model, work);
     lg_model_velocity(model, state, input, w.velocity, NULL, work);
     lg_space_coordinates(&model->space, state, w.velocity, c);
 }
@@ -121,22 +118,15 @@ lg_status lg_model_retract(const lg_model *model, const double *state, const dou
     LG_NEEDS(NULL, model, state, c, out, work);
     if (!lg_model_moves(model)) return LG_UNSUPPORTED;
     const size_t d = model->inputs, r = lg_model_tangent_dim(model);
-    size_t doubles;
-    const linear_parts w = parts_of(model, work, &doubles);
+    const linear_parts w = parts_of(model, work);
     lg_space_basis(&model->space, state, w.basis);
     lg_matrix_multiply(d, 1, r, w.basis, c, w.velocity);
     lg_space_retract(&model->space, state, w.velocity, out, NULL);
     return LG_OK;
 }
 
-typedef struct search {
-    double *at, *trial;           /* (d): state, next state */
-    double *drift, *ahead, *step; /* (r): c' at the state, c' at the next state, step */
-    double *A, *normal;           /* (r, r): A or the Cholesky factor, A^T A */
-} search;
-
 /* Solves (A^T A + tiny I) step = -A^T drift; A becomes the Cholesky factor. False: A is not finite. */
-static bool newton_step(size_t r, const search *s) {
+static bool newton_step(size_t r, const linear_parts *s) {
     double trace = 0.0;
     lg_matrix_multiply_tn(r, r, r, s->A, s->A, s->normal);
     lg_matrix_multiply_tn(r, 1, r, s->A, s->drift, s->step);
@@ -148,7 +138,7 @@ static bool newton_step(size_t r, const search *s) {
 }
 
 /* Takes the step, halved until |drift| falls. Returns false if it does not fall. */
-static bool descend(const lg_model *model, const double *input, const search *s, void *work) {
+static bool descend(const lg_model *model, const double *input, const linear_parts *s, void *work) {
     const size_t d = model->inputs, r = lg_model_tangent_dim(model);
     for (int halving = 0; halving < 40; halving++) {
         if (lg_model_retract(model, s->at, s->step, s->trial, work) != LG_OK) return false;
@@ -168,15 +158,8 @@ lg_status lg_model_equilibrium(const lg_model *model, const double *input, doubl
     LG_NEEDS(NULL, model, state, work);
     if (!lg_model_moves(model)) return LG_UNSUPPORTED;
     const size_t d = model->inputs, r = lg_model_tangent_dim(model);
-    size_t doubles;
-    double *at = parts_of(model, work, &doubles).search, norm = 0.0, most = 0.0;
-    const search s = {at,
-                      at + d,
-                      at + 2 * d,
-                      at + 2 * d + r,
-                      at + 2 * d + 2 * r,
-                      at + 2 * d + 3 * r,
-                      at + 2 * d + 3 * r + r * r};
+    const linear_parts s = parts_of(model, work);
+    double norm = 0.0, most = 0.0;
     memcpy(s.at, state, d * sizeof *state);
     lg_model_drift(model, s.at, input, s.drift, work);
     for (int iteration = 0; iteration < 200; iteration++) {

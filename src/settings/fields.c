@@ -168,11 +168,10 @@ static void show_list(const lg_field *row, const void *run, char *text, size_t s
     double values[LG_FIELD_LIST_MAX];
     const uint32_t count = lg_field_list(row, run, values);
     char number[32];
-    size_t used = 0;
     text[0] = '\0';
-    for (uint32_t i = 0; i < count && used < size; i++) {
+    for (uint32_t i = 0; i < count; i++) {
         number_shown(values[i], number);
-        used += (size_t)snprintf(text + used, size - used, "%s%s", i > 0 ? "," : "", number);
+        lg_append(text, size, "%s%s", i > 0 ? "," : "", number);
     }
 }
 
@@ -260,43 +259,35 @@ static bool exceeds(const lg_field *row, const char *text) {
 
 /* Describes the accepted range. Bounds so large that they mean "no bound" are named only if `text` exceeds
  * them. */
-static size_t number_text(const lg_field *row, const char *text, char *out, size_t size) {
+static void number_text(const lg_field *row, const char *text, char *out, size_t size) {
     const bool list = is_list(row), whole = row->type == LG_FIELD_WHOLES || is_whole(row);
     const bool low = row->low > -1e300, high = row->high < 0x1p63 || exceeds(row, text);
     char bound[32];
-    size_t used = (size_t)snprintf(out, size, "%s%s%s", list ? "a list of " : "a ",
-                                   whole ? "whole number" : "number", list ? "s" : "");
+    (void)snprintf(out, size, "%s%s%s", list ? "a list of " : "a ", whole ? "whole number" : "number",
+                   list ? "s" : "");
     number_shown(row->low, bound);
-    if (low)
-        used +=
-            (size_t)snprintf(out + used, size - used, " %s %s", row->above ? "above" : "of at least", bound);
+    if (low) lg_append(out, size, " %s %s", row->above ? "above" : "of at least", bound);
     number_shown(row->high, bound);
     if (high && row->high == 0x1p64)
-        used += (size_t)snprintf(out + used, size - used, " and below 2^64");
+        lg_append(out, size, " and below 2^64");
     else if (high)
-        used +=
-            (size_t)snprintf(out + used, size - used, " %s %s", low ? "and at most" : "of at most", bound);
-    if (list) used += (size_t)snprintf(out + used, size - used, ", separated by commas");
-    return used;
+        lg_append(out, size, " %s %s", low ? "and at most" : "of at most", bound);
+    if (list) lg_append(out, size, ", separated by commas");
 }
 
-static size_t names_text(const lg_field *row, const char *last, char *out, size_t size) {
-    size_t used = 0;
+/* Lists the names of the values; "" without names. */
+static void names_text(const lg_field *row, const char *last, char *out, size_t size) {
     const char *name;
-    for (uint32_t i = 0; used < size && (name = lg_field_name(row, i)) != NULL; i++)
-        used += (size_t)snprintf(out + used, size - used, "%s%s",
-                                 i == 0                              ? ""
-                                 : lg_field_name(row, i + 1) == NULL ? last
-                                                                     : ", ",
-                                 name);
-    return used;
+    out[0] = '\0';
+    for (uint32_t i = 0; (name = lg_field_name(row, i)) != NULL; i++)
+        lg_append(out, size, "%s%s", i == 0 ? "" : lg_field_name(row, i + 1) == NULL ? last : ", ", name);
 }
 
 /* Names the single values, if there are any, and the form: "adam, lbfgs or lm, or phases as in
  * adam:100,lbfgs". */
 static void form_text(const lg_field *row, char *out, size_t size) {
-    const size_t used = lg_field_name(row, 0) != NULL ? names_text(row, " or ", out, size) : 0;
-    if (used < size) (void)snprintf(out + used, size - used, "%s%s", used > 0 ? ", or " : "", row->form);
+    names_text(row, " or ", out, size);
+    lg_append(out, size, "%s%s", out[0] != '\0' ? ", or " : "", row->form);
 }
 
 /* Formats the range as "1 to 1048576", "above 0 to 1" or "0 or more". */
@@ -326,7 +317,7 @@ int lg_field_describe(const lg_field *row, char *text, size_t size) {
         return snprintf(text, size, "%s (%s%s%s%s)", row->meaning, range, value[0] != '\0' ? "; " : "", is,
                         value);
     }
-    (void)names_text(row, " or ", range, sizeof range);
+    names_text(row, " or ", range, sizeof range);
     return snprintf(text, size, "%s: %s%s%s%s%s", row->meaning, range, value[0] != '\0' ? " (" : "", is,
                     value, value[0] != '\0' ? ")" : "");
 }
@@ -336,9 +327,10 @@ int lg_field_describe(const lg_field *row, char *text, size_t size) {
 enum { SHOWN = 80 /* bytes of a wrong text that an error message shows */ };
 
 static lg_status refuse_number(const lg_field *row, const char *text, lg_error *error) {
-    char range[256], names[256] = "";
-    const bool named = names_text(row, " or ", names, sizeof names) > 0;
-    (void)number_text(row, text, range, sizeof range);
+    char range[256], names[256];
+    names_text(row, " or ", names, sizeof names);
+    number_text(row, text, range, sizeof range);
+    const bool named = names[0] != '\0';
     return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s%s' is %s%s%s%s", SHOWN, text,
                    strlen(text) > SHOWN ? "..." : "", named ? "neither " : "not ", names,
                    named ? " nor " : "", range);
@@ -352,13 +344,13 @@ static bool find_name(const lg_field *row, const char *text, uint32_t *value) {
 }
 
 static lg_status set_name(const lg_field *row, const char *text, void *run, lg_error *error) {
-    char names[512] = "";
+    char names[512];
     uint32_t value;
     if (find_name(row, text, &value)) {
         set_whole(row, run, value);
         return LG_OK;
     }
-    (void)names_text(row, ", ", names, sizeof names);
+    names_text(row, ", ", names, sizeof names);
     return lg_fail(error, LG_INVALID_ARGUMENT, "'%.*s' is not one of %s", SHOWN, text, names);
 }
 

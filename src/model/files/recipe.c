@@ -109,14 +109,10 @@ lg_status lg_recipe_compare_runs(const lg_recipe *kind, const void *stored, cons
     const lg_field *r;
     if (path == NULL || kind == NULL || stored == NULL || wanted == NULL) return LG_INVALID_ARGUMENT;
     /* Other data also change the scales, so a difference of the data is reported first. */
-    for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++)
-        if (strcmp(r->name, "data_sha256") == 0 && differs(r, stored, wanted, have, want))
-            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: was written from other data: %s %s, not %s",
-                           lg_shown_path(path), r->name, have, want);
-    for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++) {
-        if (differs(r, stored, wanted, have, want))
-            return lg_fail(error, LG_INVALID_ARGUMENT, "%s: was written with %s %s, not %s",
-                           lg_shown_path(path), r->name, have, want);
-    }
+    for (int all = 0; all < 2; all++)
+        for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++)
+            if ((all || strcmp(r->name, "data_sha256") == 0) && differs(r, stored, wanted, have, want))
+                return lg_fail(error, LG_INVALID_ARGUMENT, "%s: was written %s %s %s, not %s",
+                               lg_shown_path(path), all ? "with" : "from other data:", r->name, have, want);
     return LG_OK;
 }
