@@ -331,20 +331,24 @@ static void on_stop(int number) {
     if (stopped_by == 0) stopped_by = number;
 }
 
-static void install_signals(void) {
-    static const int stops[] = {SIGINT, SIGTERM, SIGHUP}, ignored[] = {SIGXFSZ, SIGPIPE};
-    struct sigaction action, before;
+static void handle(int number, void (*handler)(int number), int flags) {
+    struct sigaction action;
     memset(&action, 0, sizeof action);
-    action.sa_handler = on_stop;
-    action.sa_flags = SA_RESTART | (int)SA_RESETHAND;
+    action.sa_handler = handler;
+    action.sa_flags = flags;
+    (void)sigaction(number, &action, NULL);
+}
+
+static void install_signals(void) {
+    static const int stops[] = {SIGINT, SIGTERM, SIGHUP};
+    struct sigaction before;
     for (size_t i = 0; i < LG_COUNT(stops); i++) {
         const bool known = sigaction(stops[i], NULL, &before) == 0;
         if (stops[i] == SIGHUP && known && before.sa_handler == SIG_IGN) continue;
-        (void)sigaction(stops[i], &action, NULL);
+        handle(stops[i], on_stop, SA_RESTART | (int)SA_RESETHAND);
     }
-    action.sa_handler = SIG_IGN;
-    action.sa_flags = 0;
-    for (size_t i = 0; i < LG_COUNT(ignored); i++) (void)sigaction(ignored[i], &action, NULL);
+    handle(SIGXFSZ, SIG_IGN, 0);
+    handle(SIGPIPE, SIG_IGN, 0);
 }
 
 static void on_hangup(int number) {
@@ -352,11 +356,7 @@ static void on_hangup(int number) {
 }
 
 void app_reopen_on_hangup(void) {
-    struct sigaction action;
-    memset(&action, 0, sizeof action);
-    action.sa_handler = on_hangup;
-    action.sa_flags = SA_RESTART;
-    (void)sigaction(SIGHUP, &action, NULL);
+    handle(SIGHUP, on_hangup, SA_RESTART);
 }
 
 bool app_reopen_asked(void) {

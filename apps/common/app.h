@@ -432,6 +432,7 @@ void app_continue(const char *path);
 typedef struct app_named_text {
     const char *name, *text;
 } app_named_text;
+const char *app_text_of(const app_named_text *texts, const char *name); /* the name is in the list */
 void app_write_texts(const app *app, const char *folder, const app_named_text *texts);
 /* The demo of a program (demo.c): writes the files below apps/PROGRAM/demo into the folder --out, and runs
  * demo.sh there with bash. Its variables are LG_JSON, LG_SEED, LG_THREADS and the options of the command,
@@ -466,10 +467,7 @@ void app_release_claims(void);
  *   APP_PLOT_ROW(&plot, 9, t, y);                               this is a line of block 2
  *   app_plot_end(app, &plot);
  */
-typedef struct app_plot_script {
-    const char *name, *text;
-} app_plot_script;
-extern const app_plot_script app_plot_scripts[]; /* the files apps/plots/NAME.gp, and a last row of NULL */
+extern const app_named_text app_plot_scripts[]; /* the files apps/plots/NAME.gp, and a last row of NULL */
 
 typedef struct app_plot {
     const char *kind;     /* the name of the row that app_plot_draw draws, if the row has a script */

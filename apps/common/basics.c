@@ -10,31 +10,26 @@
 #include "liegrad/settings.h"
 
 /* The only table that maps statuses to exit codes. */
-static const struct {
-    lg_status status;
-    int code;
-} exit_codes[] = {{LG_OK, APP_EXIT_OK},
-                  {LG_INVALID_ARGUMENT, APP_EXIT_USAGE},
-                  {LG_SHAPE, APP_EXIT_FILE},
-                  {LG_STALE_HANDLE, APP_EXIT_CHECK},
-                  {LG_OUT_OF_MEMORY, APP_EXIT_MEMORY},
-                  {LG_NOT_FINITE, APP_EXIT_NUMERIC},
-                  {LG_NO_CONVERGENCE, APP_EXIT_NUMERIC},
-                  {LG_STEP_TOO_SMALL, APP_EXIT_NUMERIC},
-                  {LG_TOO_MANY_STEPS, APP_EXIT_NUMERIC},
-                  {LG_NOT_DIFFERENTIABLE, APP_EXIT_USAGE},
-                  {LG_NOT_FOUND, APP_EXIT_FILE},
-                  {LG_FILE, APP_EXIT_FILE},
-                  {LG_FORMAT, APP_EXIT_FILE},
-                  {LG_VERSION, APP_EXIT_FILE},
-                  {LG_UNSUPPORTED, APP_EXIT_USAGE},
-                  {LG_CANCELLED, APP_EXIT_INTERRUPTED},
-                  {LG_CHECK_FAILED, APP_EXIT_CHECK}};
+static const int exit_codes[] = {[LG_OK] = APP_EXIT_OK,
+                                 [LG_INVALID_ARGUMENT] = APP_EXIT_USAGE,
+                                 [LG_SHAPE] = APP_EXIT_FILE,
+                                 [LG_STALE_HANDLE] = APP_EXIT_CHECK,
+                                 [LG_OUT_OF_MEMORY] = APP_EXIT_MEMORY,
+                                 [LG_NOT_FINITE] = APP_EXIT_NUMERIC,
+                                 [LG_NO_CONVERGENCE] = APP_EXIT_NUMERIC,
+                                 [LG_STEP_TOO_SMALL] = APP_EXIT_NUMERIC,
+                                 [LG_TOO_MANY_STEPS] = APP_EXIT_NUMERIC,
+                                 [LG_NOT_DIFFERENTIABLE] = APP_EXIT_USAGE,
+                                 [LG_NOT_FOUND] = APP_EXIT_FILE,
+                                 [LG_FILE] = APP_EXIT_FILE,
+                                 [LG_FORMAT] = APP_EXIT_FILE,
+                                 [LG_VERSION] = APP_EXIT_FILE,
+                                 [LG_UNSUPPORTED] = APP_EXIT_USAGE,
+                                 [LG_CANCELLED] = APP_EXIT_INTERRUPTED,
+                                 [LG_CHECK_FAILED] = APP_EXIT_CHECK};
 
 static int exit_code(lg_status status) {
-    for (size_t i = 0; i < LG_COUNT(exit_codes); i++)
-        if (exit_codes[i].status == status) return exit_codes[i].code;
-    return APP_EXIT_CHECK;
+    return (size_t)status < LG_COUNT(exit_codes) ? exit_codes[status] : APP_EXIT_CHECK;
 }
 
 const char *app_sentence(lg_status status, const lg_error *error) {

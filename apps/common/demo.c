@@ -43,7 +43,7 @@ static int wait_for_script(const app *self, pid_t child) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
-static const char *text_of(const app_named_text *texts, const char *name) {
+const char *app_text_of(const app_named_text *texts, const char *name) {
     while (strcmp(texts->name, name) != 0) texts++;
     return texts->text;
 }
@@ -67,7 +67,8 @@ void app_demo(app *self) {
     app_write_texts(self, folder, texts);
     set_variables(self);
     if (chdir(folder) != 0) app_stop(self, LG_FILE, "%s: %s", folder, strerror(errno));
-    APP_FREE char *commands = app_format("%s%s", text_of(texts, "begin.sh"), text_of(texts, "demo.sh"));
+    APP_FREE char *commands =
+        app_format("%s%s", app_text_of(texts, "begin.sh"), app_text_of(texts, "demo.sh"));
     char *words[] = {"bash", "-peu", "-c", commands, self->title, NULL};
     const int failed = posix_spawnp(&child, words[0], NULL, NULL, words, environ);
     if (failed != 0)

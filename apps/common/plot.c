@@ -13,12 +13,6 @@ bool app_plot_name_fits(const char *image) {
     return length > 4 && (strcmp(image + length - 4, ".svg") == 0 || strcmp(image + length - 4, ".png") == 0);
 }
 
-static const char *script_text(const char *name) {
-    const app_plot_script *row = app_plot_scripts;
-    while (row->name != NULL && strcmp(row->name, name) != 0) row++;
-    return row->name != NULL ? row->text : "";
-}
-
 /* Writes a line of block 0. gnuplot reads = and the rest of the line as one text. It reads \ and all octal
  * digits after it as one byte, so an octal digit after such a byte is written in octal too. */
 static void put_text(FILE *stream, const char *text) {
@@ -44,7 +38,7 @@ bool app_plot_begin(app_plot *plot, const char *script) {
     const char *image = app_plot_given.plot;
     if (image == NULL) return false;
     const int stem = (int)strlen(image) - 4;
-    *plot = (app_plot){.script = script_text(script), .image = app_format("%s", image)};
+    *plot = (app_plot){.script = app_text_of(app_plot_scripts, script), .image = app_format("%s", image)};
     plot->data_path = app_format("%.*s.dat", stem, image);
     plot->script_path = app_format("%.*s.gp", stem, image);
     app_file_begin(&plot->texts, plot->data_path);
@@ -90,7 +84,7 @@ static lg_status write_data(app_plot *plot, lg_error *error) {
 static lg_status write_script(const app_plot *plot, lg_error *error) {
     app_file file;
     app_file_begin(&file, plot->script_path);
-    (void)fprintf(file.stream, "%s\n%s", script_text("begin"), plot->script);
+    (void)fprintf(file.stream, "%s\n%s", app_text_of(app_plot_scripts, "begin"), plot->script);
     return app_file_end(&file, error);
 }
 

@@ -2,9 +2,10 @@
  * none can begin a line or a cell of a table. */
 #include "common/app.h"
 
-#include <errno.h>
 #include <string.h>
 #include <unistd.h>
+
+#include "files/temporary.h"
 
 bool app_is_harmless(uint32_t code) {
     static const uint32_t ranges[][2] = {{0, 0x1f},        {0x7f, 0x9f},     {0x61c, 0x61c},
@@ -37,15 +38,6 @@ typedef struct screen {
 } screen;
 static screen screens[] = {{.fd = STDOUT_FILENO}, {.fd = STDERR_FILENO}};
 
-static bool put_bytes(int fd, const char *text, size_t size) {
-    while (size > 0) {
-        const ssize_t n = write(fd, text, size);
-        if (n < 0 && errno != EINTR) return false;
-        if (n > 0) text += n, size -= (size_t)n;
-    }
-    return true;
-}
-
 /* Writes a text with its newlines and tabs; everything else that is not harmless is shown. Needs no memory,
  * since it prints that there is none. */
 static ssize_t put_shown(void *user, const char *text, size_t size) {
@@ -65,7 +57,7 @@ static ssize_t put_shown(void *user, const char *text, size_t size) {
                 used += show(out + used, piece + at, length, code);
         s->held = n - at;
         memcpy(s->rest, piece + at, s->held);
-        if (!put_bytes(s->fd, out, used)) return 0;
+        if (lg_write_all(s->fd, out, used) != 0) return 0;
     }
     return (ssize_t)size;
 }
@@ -86,14 +78,14 @@ bool app_screen_flush(void) {
     for (size_t i = 0; i < LG_COUNT(screens); i++) {
         char out[SHOWN * sizeof screens[i].rest + 1];
         const size_t used = show(out, screens[i].rest, screens[i].held, LG_NO_CHARACTER);
-        if (!put_bytes(screens[i].fd, out, used) && i == 0) whole = false;
+        if (lg_write_all(screens[i].fd, out, used) != 0 && i == 0) whole = false;
         screens[i].held = 0;
     }
     return whole;
 }
 
 void app_screen_raw(const char *text) {
-    (void)put_bytes(STDERR_FILENO, text, strlen(text));
+    (void)lg_write_all(STDERR_FILENO, text, strlen(text));
 }
 
 /* ---- lines and cells ---- */

@@ -38,14 +38,13 @@ const lg_field search_options[] = {
 
 typedef struct searching {
     app *app;
-    const search_values *values;
     const app_command *train;
     train_task *task;
     const lg_search_file *file;
     char setting[256];
     lg_search_options options;
     trials_work work;
-    lg_trial *results; /* (values->trials) by number, as the trials reported them */
+    lg_trial *results; /* (trials) by number, as the trials reported them */
     lg_trial *trials;  /* (count) those that are done, stopped where one process would have stopped them */
     size_t count, written, before; /* written: how many the file has */
     lg_error failure;              /* why the first failed trial of this call failed */
@@ -227,7 +226,7 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
     searching *search = self->search;
     const uint64_t parts = (uint64_t)search->options.rungs + 1, done = report->epoch, total = report->epochs;
     app_progress_show(&search->progress, search->count, "trial %llu/%llu, epoch %llu/%llu, loss %.3g",
-                      (unsigned long long)self->trial->number + 1, (unsigned long long)search->values->trials,
+                      (unsigned long long)self->trial->number + 1, (unsigned long long)search_given.trials,
                       (unsigned long long)done, (unsigned long long)total, report->loss);
     if (done == total || done * parts / total == (done - 1) * parts / total) return 0;
     return find_objective(self) != LG_OK ||
@@ -268,7 +267,7 @@ static lg_status run_trial(void *user, lg_search *session, lg_trial *trial, lg_e
     lg_status status = set_candidate(&v, task, search->file, trial->value, &line, error);
     train_training(task)->seed = v.seed;
     if (status == LG_OK) status = train_describe(&v, task, NULL, error);
-    if (status == LG_OK) status = lg_training_hold_out(&task->training, search->values->validation, error);
+    if (status == LG_OK) status = lg_training_hold_out(&task->training, search_given.validation, error);
     if (status == LG_OK) status = run_fit(&self, error);
     lg_training_release(&task->training);
     return status;
@@ -308,7 +307,7 @@ static bool take_trial(void *user, size_t item, void *record, bool done, bool ow
         return false;
     if (!own) (void)lg_tame(p->why);
     search->results[item] = p->trial;
-    const bool task = search->values->shared.task != NULL || search->work.child;
+    const bool task = search_given.shared.task != NULL || search->work.child;
     if (done && !task && p->trial.state == LG_TRIAL_FAILED) warn(search, p);
     return true;
 }
@@ -323,10 +322,10 @@ static void collect(searching *search, size_t end) {
 
 static lg_status save(void *user, lg_error *error) {
     searching *search = user;
-    collect(search, (size_t)search->values->trials);
+    collect(search, (size_t)search_given.trials);
     if (search->written == search->count) return LG_OK;
     search->written = search->count;
-    return lg_trials_write(search->app->context, search->values->out, search->file, search->app->seed,
+    return lg_trials_write(search->app->context, search_given.out, search->file, search->app->seed,
                            search->setting, search->trials, search->count, error);
 }
 
@@ -334,7 +333,7 @@ static lg_status save(void *user, lg_error *error) {
  * last ones, which may be running. Tasks and ranks take what they have, and do not wait for each other. */
 static bool ended_before(searching *search, size_t number, const lg_trial **before, size_t *count) {
     const bool alone = search->work.tasks == 1;
-    const size_t last = alone ? (size_t)search->values->jobs : 1,
+    const size_t last = alone ? (size_t)search_given.jobs : 1,
                  end = number + 1 > last ? number + 1 - last : 0;
     search->stopped = !trials_wait(&search->work, alone ? end : 0);
     collect(search, end);
@@ -370,7 +369,7 @@ static lg_status do_trial(void *user, size_t item, void *record, lg_error *error
     const lg_status status = lg_search_run_trial(&search->file->space, &search->options, &problem,
                                                  known_before, item, &p->trial, &why);
     app_progress_end(&search->progress);
-    app_progress_begin(&search->progress, search->before, search->values->trials);
+    app_progress_begin(&search->progress, search->before, search_given.trials);
     (void)snprintf(p->why, sizeof p->why, "%.*s", (int)sizeof p->why - 1, why.message);
     if (search->stopped) return lg_fail(error, LG_CANCELLED, "the search was stopped");
     return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", why.message);
@@ -378,15 +377,15 @@ static lg_status do_trial(void *user, size_t item, void *record, lg_error *error
 
 /* Takes the trials of the table that no part has. */
 static lg_status read_table(searching *search, lg_error *error) {
-    lg_status status = lg_trials_read(search->app->context, search->values->out, search->file,
-                                      search->app->seed, search->setting, (size_t)search->values->trials,
-                                      search->trials, &search->count, error);
+    lg_status status =
+        lg_trials_read(search->app->context, search_given.out, search->file, search->app->seed,
+                       search->setting, (size_t)search_given.trials, search->trials, &search->count, error);
     for (size_t i = 0; i < search->count && status == LG_OK; i++) {
         const uint64_t number = search->trials[i].number;
-        if (number >= search->values->trials)
+        if (number >= search_given.trials)
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "trial %llu was already run, but only %llu trials are planned in all",
-                           (unsigned long long)number, (unsigned long long)search->values->trials);
+                           (unsigned long long)number, (unsigned long long)search_given.trials);
         if (!is_point(search, &search->trials[i]))
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "trial %llu is not a point of this grid, whose levels depend on --trials",
@@ -498,7 +497,7 @@ static void report(const searching *search, double seconds) {
         put_trial(json, &search->file->space, "best", &search->trials[best]);
     if (best < search->count && !search->app->json) print_best(search, best);
     APP_PUT(json, LG_AS_WHOLE("seed", search->app->seed), LG_AS_WHOLE("threads", search->app->threads),
-            LG_AS_TEXT("out", search->values->out), LG_AS_REAL("seconds", seconds));
+            LG_AS_TEXT("out", search_given.out), LG_AS_REAL("seconds", seconds));
 }
 
 /* ---- the plot ---- */
@@ -524,7 +523,7 @@ const app_plot_kind search_plots[] = {APP_PLOT("search", "the objective of each 
 static int none_done(const searching *search) {
     if (search->failure.status == LG_OK)
         return app_fail(search->app, LG_NO_CONVERGENCE, "none of the %zu trials in %s was finished",
-                        search->count, search->values->out);
+                        search->count, search_given.out);
     return app_fail(search->app, LG_NO_CONVERGENCE,
                     "none of %zu trials was finished; trial %llu failed first: %s", search->count,
                     (unsigned long long)search->failed, search->failure.message);
@@ -536,22 +535,22 @@ static int run_search(searching *search) {
     lg_error error = {LG_OK, ""};
     const double begin = app_seconds();
     /* The label of a table of trials is a sure sign; a comment that begins as it does is not. */
-    const lg_status found = lg_trials_read(self->context, search->values->out, search->file, self->seed,
+    const lg_status found = lg_trials_read(self->context, search_given.out, search->file, self->seed,
                                            search->setting, 0, NULL, &search->count, &error);
     if (!self->continues)
-        app_check_text(self, search->values->out,
+        app_check_text(self, search_given.out,
                        found == LG_FORMAT ? "no table of trials" : "# " LG_SEARCH_SEED);
     lg_search_label(search->file, self->seed, search->setting, label);
-    app_must_file(self, trials_open(&search->work, label, &error), &error, search->values->out);
+    app_must_file(self, trials_open(&search->work, label, &error), &error, search_given.out);
     const lg_status status = self->continues ? read_table(search, &error) : LG_OK;
     if (status == LG_INVALID_ARGUMENT) app_must(self, status, &error);
-    app_must_file(self, status, &error, search->values->out);
+    app_must_file(self, status, &error, search_given.out);
     search->before = trials_known(&search->work);
-    app_progress_begin(&search->progress, search->before, search->values->trials);
+    app_progress_begin(&search->progress, search->before, search_given.trials);
     const bool whole = trials_run(&search->work);
     app_progress_end(&search->progress);
     if (!whole) return APP_EXIT_OK;
-    app_must_file(self, save(search, &error), &error, search->values->out);
+    app_must_file(self, save(search, &error), &error, search_given.out);
     trials_end(&search->work);
     app_plot_draw(self, 0, search);
     report(search, app_seconds() - begin);
@@ -595,41 +594,40 @@ static void plan(searching *search) {
 }
 
 void search_main(app *self, const app_command *train, train_task *task) {
-    const search_values *values = &search_given;
     const char *ranges = self->arguments[0];
     APP_FREE lg_search_file *file = app_alloc(1, sizeof *file);
     searching search = {.app = self,
-                        .values = values,
                         .train = train,
                         .task = task,
                         .file = file,
                         .work = {.app = self,
-                                 .values = &values->shared,
-                                 .out = values->out,
+                                 .values = &search_given.shared,
+                                 .out = search_given.out,
                                  .noun = "trials",
                                  .resume = "continue with --continue",
-                                 .count = (size_t)values->trials,
+                                 .count = (size_t)search_given.trials,
                                  .record = sizeof(posted),
                                  .threads = 1,
-                                 .jobs = values->jobs,
+                                 .jobs = search_given.jobs,
                                  .user = &search,
                                  .run = do_trial,
                                  .take = take_trial,
                                  .save = save}};
     take_rungs(self, &search.options);
     const app_path out = trials_choose(&search.work, NULL);
-    self->continues = values->resume || trials_continues(&search.work);
+    self->continues = search_given.resume || trials_continues(&search.work);
     app_check_outputs(self, &out, 1);
     train_begin(self, task, 1);
     APP_MUST_FILE(self, ranges, lg_search_file_read(self->context, ranges, file, &error));
     check_names(self, train, task, file);
     plan(&search);
     train_read(self, task);
-    search.results = app_alloc((size_t)values->trials, sizeof *search.results);
-    search.trials = app_alloc((size_t)values->trials, sizeof *search.trials);
+    search.results = app_alloc(search_given.trials, sizeof *search.results);
+    search.trials = app_alloc(search_given.trials, sizeof *search.trials);
     (void)snprintf(search.setting, sizeof search.setting,
                    "data %s validation %.17g rungs %u warm-up %u quantile %.17g", task->training.sha256,
-                   values->validation, search.options.rungs, search.options.warm_up, search.options.quantile);
+                   search_given.validation, search.options.rungs, search.options.warm_up,
+                   search.options.quantile);
     self->code = run_search(&search);
     free(search.results);
     free(search.trials);

@@ -311,12 +311,6 @@ static const lg_fit_settings *stored_training(const train_task *task, const stor
     return (const lg_fit_settings *)(const void *)((const char *)stored->run + task->recipe->training);
 }
 
-/* With --preset the run is not taken from the checkpoint. It is derived again from preset and options, and
- * then compared with the stored run. */
-static bool derives_again(const app *self) {
-    return app_given(self, "preset");
-}
-
 /* With --size, takes the width from the checkpoint, so that the race is not repeated. */
 static void adopt_size(app *self, const app_settings *settings, const void *from) {
     app_slot *slot = app_find_slot(self, "hidden");
@@ -326,7 +320,8 @@ static void adopt_size(app *self, const app_settings *settings, const void *from
 }
 
 /* Opens the checkpoint of --resume. Options that were not given on the command line get the stored run's
- * values. */
+ * values. With --preset the run is derived again from preset and options, and then compared with the stored
+ * run. */
 static void open_stored(app *self, const train_task *task, stored_run *stored) {
     if (files->resume == NULL) return;
     stored->run = app_keep(1, task->settings[0].size);
@@ -334,7 +329,7 @@ static void open_stored(app *self, const train_task *task, stored_run *stored) {
                   lg_checkpoint_open(self->context, files->resume, NULL, task->recipe, stored->run,
                                      &stored->reader, &error));
     adopt_size(self, &task->settings[0], stored->run);
-    if (!derives_again(self)) app_adopt(self, &task->settings[0], stored->run, false);
+    if (!app_given(self, "preset")) app_adopt(self, &task->settings[0], stored->run, false);
     if (!self->seed_given) self->seed = stored_training(task, stored)->seed;
 }
 
@@ -400,7 +395,7 @@ static void run_with(app *self, train_task *task, const stored_run *stored, cons
     lg_error error = {LG_OK, ""};
     train_session session = {.app = self, .task = task, .race = *race};
     lg_fit_settings *training = train_training(task);
-    const bool again = derives_again(self), splits = task->recipe->trainer->prepare != NULL;
+    const bool again = app_given(self, "preset"), splits = task->recipe->trainer->prepare != NULL;
     training->seed = self->seed;
     must(self, train_describe(self, task, again ? NULL : stored->run, &error), &error);
     if (stored->reader != NULL && !app_given(self, "epochs"))

@@ -14,6 +14,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "files/temporary.h"
+
 /* A part: this head, then entries of an item's number, its state (1: done) and its record. A later entry of
  * an item replaces an earlier one. An entry is written by one call. */
 typedef struct head {
@@ -109,7 +111,7 @@ void trials_label(const app *self, const char *text, const char *path, char labe
 static lg_status put(const part *p, const void *data, size_t bytes, off_t at, lg_error *error) {
     const ssize_t n = pwrite(p->fd, data, bytes, at);
     if (n == (ssize_t)bytes) return LG_OK;
-    return lg_fail(error, LG_FILE, "%s: cannot be written: %s", p->path, strerror(n < 0 ? errno : ENOSPC));
+    return lg_cannot_write(p->path, n < 0 ? errno : ENOSPC, error);
 }
 
 static head head_of(const trials_work *self) {
@@ -192,8 +194,7 @@ lg_status trials_add(trials_work *self, size_t item, const void *record, bool do
     const uint64_t entry[2] = {item, done};
     APP_FREE char *bytes = app_alloc(ENTRY_HEAD + self->record, 1);
     part *p = open_part(self, self->own_part, O_CREAT);
-    if (p == NULL)
-        return lg_fail(error, LG_FILE, "%s: cannot be written: %s", self->own_part, strerror(errno));
+    if (p == NULL) return lg_cannot_write(self->own_part, errno, error);
     if (p->at == 0) LG_TRY(read_part(self, p, bytes, error));
     if (p->at == 0) {
         LG_TRY(put(p, &mine, sizeof mine, 0, error));
@@ -203,9 +204,7 @@ lg_status trials_add(trials_work *self, size_t item, const void *record, bool do
     memcpy(bytes + ENTRY_HEAD, record, self->record);
     LG_TRY(put(p, bytes, ENTRY_HEAD + self->record, p->at, error));
     p->at += (off_t)(ENTRY_HEAD + self->record);
-    if (done && fdatasync(p->fd) != 0)
-        return lg_fail(error, LG_FILE, "%s: cannot be written: %s", p->path, strerror(errno));
-    return LG_OK;
+    return done && fdatasync(p->fd) != 0 ? lg_cannot_write(p->path, errno, error) : LG_OK;
 }
 
 lg_status trials_open(trials_work *self, const char *label, lg_error *error) {

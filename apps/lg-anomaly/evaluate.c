@@ -51,6 +51,7 @@ typedef struct evaluation {
     const char *part_name;
     lg_window_list part;
     lg_judgement judged;
+    lg_novelty_result *measured; /* of each window, while they are counted */
     size_t unlike; /* number of windows unlike the training windows, if the model has a novelty model */
     voting votes;
 } evaluation;
@@ -266,14 +267,9 @@ static void write_scores(const evaluation *e) {
 
 /* ---- windows that are unlike those of training ---- */
 
-typedef struct measuring {
-    const lg_novelty *novelty;
-    lg_novelty_result *result; /* the result of each window */
-} measuring;
-
 static lg_status measure(void *user, size_t i, const float *x, void *work) {
-    const measuring *self = user;
-    lg_novelty_eval(self->novelty, x, &self->result[i], NULL, work);
+    const evaluation *e = user;
+    lg_novelty_eval(&e->model->file.novelty, x, &e->measured[i], NULL, work);
     return LG_OK;
 }
 
@@ -285,12 +281,12 @@ static void tell_unlike(evaluation *e) {
     const size_t count = e->judged.count;
     const lg_window_list all = {e->judged.window, count};
     APP_FREE lg_novelty_result *result = app_alloc(count, sizeof *result);
-    measuring user = {novelty, result};
     size_t farthest = 0;
     char reason[256];
+    e->measured = result;
     app_must(e->app,
              lg_windows_each(e->app->context, &e->from.data.series, &e->from.windows, &all, e->app->threads,
-                             lg_novelty_work_size(novelty), measure, &user),
+                             lg_novelty_work_size(novelty), measure, e),
              NULL);
     for (size_t i = 0; i < count; i++) {
         e->unlike += result[i].novel;

@@ -52,19 +52,19 @@ static lg_status fit_rocket(const app *program, const lg_scaler *scaler, lg_feat
 }
 
 static lg_status create_features(const app *program, lg_features *out, lg_error *error) {
-    const train_values *values = &train_given;
     const lg_series *series = &state->all.data.series;
-    const bool baseline = values->method == METHOD_BASELINE;
+    const bool baseline = train_given.method == METHOD_BASELINE;
     lg_scaler scaler;
     lg_status status = lg_scaler_fit(program->context, series, &state->all.windows, state->train.list,
                                      state->train.count, false, &scaler);
     if (status != LG_OK) return lg_fail(error, status, "scaling: %s", lg_status_sentence(status));
-    if (values->method == METHOD_ROCKET)
+    if (train_given.method == METHOD_ROCKET)
         status = fit_rocket(program, &scaler, out, error);
     else
         status = lg_features_create(
-            program->context, baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)train_name(values->features),
-            values->directions == 1, series, (uint32_t)train_run.window, &scaler, out, error);
+            program->context,
+            baseline ? LG_FEATURES_BASELINE : (lg_feature_kind)train_name(train_given.features),
+            train_given.directions == 1, series, (uint32_t)train_run.window, &scaler, out, error);
     lg_scaler_destroy(&scaler);
     return status;
 }
@@ -78,12 +78,6 @@ static lg_status make_table(const classical *self, const lg_cut_series *from, do
                        features->count);
     return lg_features_table(self->app->context, features, &from->data.series, &from->windows,
                              (int)self->app->threads, *out, error);
-}
-
-static double *table_of(const classical *self, const lg_cut_series *from) {
-    double *out = NULL;
-    APP_MUST(self->app, make_table(self, from, &out, &error));
-    return out;
 }
 
 /* Copies a value per stored window to each window that was cut from it. Returns NULL if `stored` is NULL. */
@@ -104,10 +98,11 @@ static void compute_features(classical *self) {
     const lg_cut_series *all = &state->all;
     const double begin = app_seconds();
     APP_MUST(self->app, create_features(self->app, &self->model.file.classifier.features, &error));
-    self->table = table_of(self, all);
-    self->tested_table = self->table;
-    if (state->test != NULL)
-        self->tested_table = train_given.method == METHOD_ROCKET ? NULL : table_of(self, &state->foreign);
+    APP_MUST(self->app, make_table(self, all, &self->table, &error));
+    if (state->test == NULL)
+        self->tested_table = self->table;
+    else if (train_given.method != METHOD_ROCKET)
+        APP_MUST(self->app, make_table(self, &state->foreign, &self->tested_table, &error));
     self->feature_seconds = app_seconds() - begin;
     self->label = of_windows(all, all->data.series.label);
     self->unit = of_windows(all, units_of(&all->data.series));
@@ -115,7 +110,7 @@ static void compute_features(classical *self) {
 
 /* ---- candidates for the options ---- */
 
-static lg_classifier_method method_of(int method) {
+static lg_classifier_method method_of(uint32_t method) {
     static const lg_classifier_method methods[] = {
         [METHOD_LOGISTIC] = LG_METHOD_LOGISTIC,     [METHOD_TREE] = LG_METHOD_TREE,
         [METHOD_SVM_LINEAR] = LG_METHOD_SVM_LINEAR, [METHOD_SVM_RBF] = LG_METHOD_SVM_RBF,
@@ -125,44 +120,43 @@ static lg_classifier_method method_of(int method) {
 
 /* The largest depth of trees that `--prune pre` tries, as published (table 6.7), by features and criterion. A
  * spectrum has the value of the covariance. */
-static uint32_t deepest(const train_values *values) {
-    const uint32_t features = train_name(values->features);
+static uint32_t deepest(void) {
+    const uint32_t features = train_name(train_given.features);
     if (features != LG_FEATURES_COV && features != LG_FEATURES_SPECTRUM) return 13;
-    if (values->components > 0) return 8;
-    return values->criterion == LG_ENTROPY ? 5 : 6;
+    if (train_given.components > 0) return 8;
+    return train_given.criterion == LG_ENTROPY ? 5 : 6;
 }
 
-static double published_alpha(const train_values *values, double noise) {
-    const bool entropy = values->criterion == LG_ENTROPY;
-    if (train_name(values->features) == LG_FEATURES_STD) return entropy ? 0.003 : 0.002;
+static double published_alpha(void) {
+    const bool entropy = train_given.criterion == LG_ENTROPY;
+    if (train_name(train_given.features) == LG_FEATURES_STD) return entropy ? 0.003 : 0.002;
     /* The published level nearest to this noise is 50. */
-    if (entropy && values->components > 0 && noise > 30) return 0.003;
+    if (entropy && train_given.components > 0 && state->all.data.noise > 30) return 0.003;
     return entropy ? 0.01 : 0.003;
 }
 
-static lg_classifier_options base_options(const app *self, const train_values *values, double noise) {
+static lg_classifier_options base_options(const app *self) {
     lg_classifier_options options;
     lg_classifier_options_init(&options);
-    options.method = method_of(values->method);
-    options.components = (uint32_t)values->components;
-    options.c = values->c;
-    options.gamma = values->gamma;
+    options.method = method_of(train_given.method);
+    options.components = (uint32_t)train_given.components;
+    options.c = train_given.c;
+    options.gamma = train_given.gamma;
     options.threads = (int)self->threads;
-    options.tree.criterion = (lg_tree_criterion)values->criterion;
-    options.tree.max_depth = (uint32_t)values->max_depth;
-    if (train_name(values->prune) == PRUNE_POST)
-        options.tree.ccp_alpha =
-            app_given(self, "ccp-alpha") ? values->ccp_alpha : published_alpha(values, noise);
+    options.tree.criterion = (lg_tree_criterion)train_given.criterion;
+    options.tree.max_depth = (uint32_t)train_given.max_depth;
+    if (train_name(train_given.prune) == PRUNE_POST)
+        options.tree.ccp_alpha = app_given(self, "ccp-alpha") ? train_given.ccp_alpha : published_alpha();
     return options;
 }
 
-static void list_candidates(const app *self, const train_values *values, double noise, choice *out) {
-    const lg_classifier_options base = base_options(self, values, noise);
-    const bool svm = values->method == METHOD_SVM_LINEAR || values->method == METHOD_SVM_RBF;
+static void list_candidates(const app *self, choice *out) {
+    const lg_classifier_options base = base_options(self);
+    const bool svm = train_given.method == METHOD_SVM_LINEAR || train_given.method == METHOD_SVM_RBF;
     out->options = app_keep(MAX_GRID, sizeof *out->options);
     out->count = 0;
-    if (values->method == METHOD_TREE && train_name(values->prune) == PRUNE_PRE) {
-        for (uint32_t depth = 2; depth <= deepest(values); depth++)
+    if (train_given.method == METHOD_TREE && train_name(train_given.prune) == PRUNE_PRE) {
+        for (uint32_t depth = 2; depth <= deepest(); depth++)
             for (uint32_t split = 2; split <= 4; split++)
                 for (uint32_t leaf = 1; leaf <= 2; leaf++) {
                     lg_classifier_options *option = &out->options[out->count++];
@@ -173,9 +167,9 @@ static void list_candidates(const app *self, const train_values *values, double 
                 }
         return;
     }
-    const bool given = values->grid.count > 0, automatic = svm && !app_given(self, "c") && !given;
-    const double *grid = given ? values->grid.values : default_grid;
-    const size_t count = given ? values->grid.count : automatic ? LG_COUNT(default_grid) : 0;
+    const bool given = train_given.grid.count > 0, automatic = svm && !app_given(self, "c") && !given;
+    const double *grid = given ? train_given.grid.values : default_grid;
+    const size_t count = given ? train_given.grid.count : automatic ? LG_COUNT(default_grid) : 0;
     for (size_t i = 0; i < count; i++) {
         out->options[i] = base;
         out->options[i].c = grid[i];
@@ -186,7 +180,7 @@ static void list_candidates(const app *self, const train_values *values, double 
 
 static void choose(classical *self) {
     choice *chosen = &self->chosen;
-    list_candidates(self->app, &train_given, state->all.data.noise, chosen);
+    list_candidates(self->app, chosen);
     if (chosen->count == 1) return;
     chosen->accuracy = app_keep(chosen->count, sizeof *chosen->accuracy);
     const double begin = app_seconds();
@@ -294,13 +288,6 @@ void put_pruning(app_plot *plot, const void *view) {
     }
 }
 
-static void draw(const classical *self) {
-    const bool tested = state->tested.count > 0;
-    const viewing view = {&self->model, lg_detector_tested(state),
-                          tested ? &state->judged : &state->train_judged, .classical = self};
-    draw_view(self->app, &view);
-}
-
 /* ---- results ---- */
 
 static void put_choice(app_json *out, const choice *chosen) {
@@ -384,7 +371,7 @@ static void report(const classical *self) {
 /* ---- a trial of a search ---- */
 
 static lg_status run_trial(classical *self, lg_trial *trial, lg_error *error) {
-    const lg_classifier_options options = base_options(self->app, &train_given, state->all.data.noise);
+    const lg_classifier_options options = base_options(self->app);
     lg_classifier *model = &self->model.file.classifier;
     lg_judgement judged = {0};
     LG_TRY(create_features(self->app, &model->features, error));
@@ -402,7 +389,7 @@ static lg_status run_trial(classical *self, lg_trial *trial, lg_error *error) {
 lg_status train_trial(const app *program, lg_trial *trial, lg_error *error) {
     if (train_given.method == METHOD_CNN) return LG_NOT_FOUND;
     classical self = {.app = program, .model = trained_model(WELL_CLASSICAL, "rocket")};
-    self.model.file.classifier.method = method_of((int)train_given.method);
+    self.model.file.classifier.method = method_of(train_given.method);
     self.label = of_windows(&state->all, state->all.data.series.label);
     const lg_status status = run_trial(&self, trial, error);
     lg_classifier_destroy(&self.model.file.classifier);
@@ -415,7 +402,7 @@ lg_status train_trial(const app *program, lg_trial *trial, lg_error *error) {
 
 static void train_classifier(classical *self) {
     lg_classifier *model = &self->model.file.classifier;
-    model->method = method_of((int)train_given.method);
+    model->method = method_of(train_given.method);
     self->model.probabilities = model->method <= LG_METHOD_TREE;
     compute_features(self);
     choose(self);
@@ -465,7 +452,9 @@ void train_classical(const app *program) {
     file->provenance = app_provenance(program, train_run.training.seed);
     APP_MUST_FILE(program, train_given_files.out,
                   classifier_file_save(program->context, train_given_files.out, file, &error));
-    draw(&self);
+    draw_view(program, &(viewing){&self.model, lg_detector_tested(state),
+                                  state->tested.count > 0 ? &state->judged : &state->train_judged,
+                                  .classical = &self});
     report(&self);
     lg_classifier_destroy(&self.model.file.classifier);
     lg_novelty_destroy(&self.model.file.novelty);

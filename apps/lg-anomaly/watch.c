@@ -112,11 +112,6 @@ static void blame_silence(watching *self, lg_verdict *v) {
     v->novel = v->novel || votes >= values.votes.values[0];
 }
 
-static void forget_silence(watching *self) {
-    self->silence.samples = 0;
-    memset(self->silence.without, 0, self->channels * sizeof *self->silence.without);
-}
-
 static void tell_silence(const watching *self, char text[REASON]) {
     const lg_series *names = self->bench.names;
     const uint32_t c = most_silent(self);
@@ -302,7 +297,8 @@ void watch_push(watching *self, const float *sample) {
     }
     self->alarm = v.alarm;
     self->unlike = v.novel;
-    forget_silence(self);
+    self->silence.samples = 0;
+    memset(self->silence.without, 0, self->channels * sizeof *self->silence.without);
 }
 
 /* ---- the summary ---- */
@@ -316,9 +312,9 @@ static double a_day(uint64_t count, double days) {
     return days > 0 ? (double)count / days : NAN;
 }
 
-/* Adds a number that has a meaning only if `known`. */
-static void put_known(app_json *out, bool known, const char *key, double value, const char *label) {
-    if (known)
+/* Adds a number that has a meaning only with --crack-at. */
+static void put_known(app_json *out, const char *key, double value, const char *label) {
+    if (!isnan(values.crack_at))
         app_result_real(out, key, value, label);
     else
         app_json_real(out, key, NAN);
@@ -328,7 +324,6 @@ static void print_summary(const watching *self, double seconds, size_t watch_byt
     const tally *t = &self->tally;
     const double days = (double)t->samples / self->rate / DAY,
                  before = (double)t->judged_before * self->hop / self->rate / DAY;
-    const bool known = app_given(self->app, "crack-at"), novel = isfinite(self->bench.farthest);
     app_json *out = self->app->out;
     out->prefix = "# ";
     app_json_bool(out, "summary", true);
@@ -346,7 +341,7 @@ static void print_summary(const watching *self, double seconds, size_t watch_byt
     app_result_size(out, "judged", t->judged, NULL);
     app_result_size(out, "positive", t->positive, NULL);
     app_json_size(out, "failed", t->failed);
-    if (novel || !out->people) {
+    if (isfinite(self->bench.farthest) || !out->people) {
         app_result_size(out, "unlike", t->unlike, NULL);
         app_result_size(out, "unlike_alarms", t->unlike_alarms, self->unlike ? "standing" : NULL);
     }
@@ -354,11 +349,11 @@ static void print_summary(const watching *self, double seconds, size_t watch_byt
     app_json_bool(out, "alarm", self->alarm);
     app_result_size(out, "alarms", t->alarms, self->alarm ? "standing" : NULL);
     app_json_real(out, "first_alarm", t->first_alarm);
-    put_known(out, known, "crack_at", values.crack_at, "s");
-    put_known(out, known, "time_to_detection", t->detection - values.crack_at, "s");
-    put_known(out, known, "false_alarms", (double)t->alarms_before, NULL);
-    put_known(out, known, "false_alarms_per_day", a_day(t->alarms_before, before), NULL);
-    put_known(out, known, "false_positive_windows_per_day", a_day(t->positive_before, before), NULL);
+    put_known(out, "crack_at", values.crack_at, "s");
+    put_known(out, "time_to_detection", t->detection - values.crack_at, "s");
+    put_known(out, "false_alarms", (double)t->alarms_before, NULL);
+    put_known(out, "false_alarms_per_day", a_day(t->alarms_before, before), NULL);
+    put_known(out, "false_positive_windows_per_day", a_day(t->positive_before, before), NULL);
     app_result_real(out, "seconds", seconds, NULL);
     app_result_real(out, "samples_per_second", (double)t->samples / seconds, NULL);
     app_result_size(out, "watch_bytes", watch_bytes, NULL);

@@ -5,7 +5,6 @@
 
 #include "core/core.h"
 #include "lg-control/control_app.h"
-#include "liegrad/certify.h"
 #include "liegrad/interval.h"
 #include "liegrad/lyapunov.h"
 
@@ -69,11 +68,6 @@ typedef struct naming {
 
 static const char *name_of(naming names, size_t i) {
     return i < names.positions ? names.of[i]->name : names.of[i]->velocity;
-}
-
-/* The controller computes it: it has no error. */
-static bool is_remembered(const lg_policy_coordinate *c) {
-    return c->ago > 0 || c->integrates > 0;
 }
 
 static naming name_states(const lg_policy_task *task) {
@@ -165,8 +159,9 @@ static void read_model_error(const app *self, lg_policy *policy, naming names, c
     } else {
         if (lg_number_parse(values.model_error, &x) != LG_OK || !(x >= 0))
             app_stop_usage(self, "--model-error: '%s' is not a number of at least 0", values.model_error);
+        /* The controller computes what it remembers: that has no error. */
         for (size_t i = !values.loop || names.n == positions ? 0 : positions; i < names.n; i++)
-            out[i] = is_remembered(names.of[i]) ? 0 : x;
+            out[i] = names.of[i]->ago > 0 || names.of[i]->integrates > 0 ? 0 : x;
     }
     for (size_t i = 0; values.loop && names.n > positions && i < positions; i++)
         if (out[i] > 0)
@@ -222,14 +217,7 @@ static bool chooses_gains(const app *self, const lg_policy_task *task) {
            task->gain_count == 0;
 }
 
-/* Whether the controller has a regulator that training chooses. */
-static bool needs_regulator(const app *self, const lg_policy_task *task) {
-    return task->kind == LG_POLICY_NETWORK ||
-           (task->kind == LG_POLICY_LQR && task->gain_count == 0 && !chooses_gains(self, task));
-}
-
-/* `gains`: of a task of kind lqr, K row by row; 0 of them: as the file says. */
-static lg_policy *read_policy(const app *self, const char *path, const double *gains, size_t count) {
+lg_policy *control_read_policy(const app *self, const char *path, const double *gains, size_t count) {
     lg_policy *policy = NULL;
     if (!is_task(path)) {
         APP_MUST_FILE(self, path, lg_policy_load(self->context, path, NULL, &policy, NULL, &error));
@@ -239,7 +227,9 @@ static lg_policy *read_policy(const app *self, const char *path, const double *g
     APP_FREE char *text = NULL, *source = NULL;
     APP_CLEAN(control_machine_destroy) control_machine machine = {.scheme = NULL};
     lg_program *plant = control_read_task(self, path, &task, &text, &source, &machine);
-    task.search = needs_regulator(self, &task);
+    /* Whether the controller has a regulator that training chooses. */
+    task.search = task.kind == LG_POLICY_NETWORK ||
+                  (task.kind == LG_POLICY_LQR && task.gain_count == 0 && !chooses_gains(self, &task));
     if (count > 0) {
         task.gain_count = (uint32_t)count;
         memcpy(task.gains, gains, count * sizeof *gains);
@@ -249,10 +239,6 @@ static lg_policy *read_policy(const app *self, const char *path, const double *g
         app_warn(self, "%s is a task: its controller of kind %s is not trained", path,
                  lg_policy_kind_name(task.kind));
     return policy;
-}
-
-lg_policy *control_read_policy(const app *self, const char *path) {
-    return read_policy(self, path, NULL, 0);
 }
 
 /* ---- results ---- */
@@ -294,14 +280,17 @@ static void tell_forms(app_json *out, naming names, const verdict *v) {
         app_result_line(out, "chosen for a large set: controller: {kind: lqr, gains: [%s]}", line.data);
 }
 
+static double six_digits(double x) {
+    char text[32];
+    (void)lg_format(text, sizeof text, "%.6g", x);
+    return lg_real(text, NULL);
+}
+
 /* A number of at most 6 digits that is not above x > 0. */
 static double rounded_down(double x) {
-    char text[32];
-    for (int i = 0; i <= 10; i++) {
-        (void)lg_format(text, sizeof text, "%.6g", x * (1 - i * 1e-6));
-        if (lg_real(text, NULL) <= x) break;
-    }
-    return lg_real(text, NULL);
+    double out = six_digits(x);
+    for (int i = 1; i <= 10 && !(out <= x); i++) out = six_digits(x * (1 - i * 1e-6));
+    return out;
 }
 
 static void tell(app *self, naming names, const verdict *v) {
@@ -513,15 +502,6 @@ static void find_scale(const app *self, naming names, const wanted *what, double
     }
 }
 
-/* Six digits: what is printed is what is proved. */
-static void round_gains(double *gains, size_t count) {
-    char text[32];
-    for (size_t i = 0; i < count; i++) {
-        (void)snprintf(text, sizeof text, "%.6g", gains[i]);
-        gains[i] = strtod(text, NULL);
-    }
-}
-
 /* V of a proof that cannot succeed: it finds a state where V does not fall. */
 static void take_squares(naming names, const double *scale, wanted *what) {
     for (size_t i = 0; i < names.n * names.n; i++) what->P[i] = 0;
@@ -545,7 +525,8 @@ static void search_form(app *self, const lg_policy *policy, naming names, wanted
     search.seed = self->seed, search.threads = (int)self->threads;
     const lg_status status = lg_lyapunov_quadratic(self->context, lg_policy_program(policy), &search, what->P,
                                                    what->gains, NULL, &error);
-    round_gains(what->gains, what->chosen ? names.task->input_count * names.n : 0);
+    for (size_t i = 0; i < names.task->input_count * names.n && what->chosen; i++)
+        what->gains[i] = six_digits(what->gains[i]); /* what is printed is what is proved */
     if (status != LG_CHECK_FAILED || what->chosen) {
         app_must(self, status, &error);
         return;
@@ -615,7 +596,8 @@ static lg_policy *prepare(app *self, lg_policy *given, naming names, wanted *wha
         app_stop(self, LG_UNSUPPORTED, "the plant is no program with a function lyapunov (x)");
     if (values.lyapunov == QUADRATIC) search_form(self, given, names, what);
     if (!what->chosen) return NULL;
-    lg_policy *own = read_policy(self, self->arguments[0], what->gains, names.task->input_count * names.n);
+    lg_policy *own =
+        control_read_policy(self, self->arguments[0], what->gains, names.task->input_count * names.n);
     *program = add_rate(self, own);
     return own;
 }
@@ -710,7 +692,7 @@ static void prove(app *self, lg_policy *given, naming names) {
 
 static void run(app *self) {
     check_options(self);
-    lg_policy *policy = read_policy(self, self->arguments[0], NULL, 0);
+    lg_policy *policy = control_read_policy(self, self->arguments[0], NULL, 0);
     const naming names = name_states(lg_policy_task_of(policy));
     check_delays(self, names.task);
     const bool turns = names.task->coordinate[0].motion == LG_POLICY_ROTATION;

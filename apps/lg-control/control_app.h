@@ -47,8 +47,9 @@ void control_add_draws(const app *self, lg_policy *policy, const char *path);
 void control_draw_error(const app *self, lg_policy *policy, const char *plant, bool held, const double *high,
                         double *out);
 
-/* A policy, or a task with its controller before training (certify.c). */
-lg_policy *control_read_policy(const app *self, const char *path);
+/* A policy, or a task with its controller before training (certify.c). `gains`: of a task of kind lqr, K row
+ * by row; 0 of them: as the file says. */
+lg_policy *control_read_policy(const app *self, const char *path, const double *gains, size_t count);
 
 /* Whether the states of the certificate have the names of the policy's states (certify.c). */
 bool control_has_states(const lg_policy *policy, const lg_certificate *file);
@@ -57,8 +58,8 @@ bool control_has_states(const lg_policy *policy, const lg_certificate *file);
 uint32_t control_count_lagged(const lg_policy_task *task, bool remembered);
 /* Prints and writes, as `robustness`, the success of a policy if a number of its machine changes by a factor
  * (robustness.c). machine->scheme NULL: the plant is a program, which has no numbers. */
-void control_tell_robustness(const app *self, const lg_policy *policy, control_machine *machine,
-                             uint64_t starts, app_json *out);
+void control_tell_robustness(const lg_policy *policy, control_machine *machine, uint64_t starts,
+                             app_json *out);
 
 /* ---- what runs did (runs.c) ---- */
 

@@ -44,39 +44,30 @@ static void warn_of_other_lag(const app *self, const lg_policy *policy, const lg
             values.plant);
 }
 
-static lg_policy *other_plant(const app *self, lg_policy *policy) {
+/* The machine --plant; *names: what its file says. */
+static lg_program *other_plant(const app *self, const lg_policy *policy, lg_policy_task *names) {
     const lg_policy_task *own = lg_policy_task_of(policy);
-    lg_policy_task names = {.period = own->period};
-    lg_policy *other = NULL;
+    *names = (lg_policy_task){.period = own->period};
     const uint32_t lagged = control_count_lagged(own, false), remembered = control_count_lagged(own, true);
     if (own->coordinate[0].velocity[0] == '\0') {
-        names = *own; /* the file of a program does not name its states */
-        names.coordinate_count -= remembered;
+        *names = *own; /* the file of a program does not name its states */
+        names->coordinate_count -= remembered;
     }
-    lg_program *plant = control_load_plant(self, values.plant, lagged > 0, &names);
-    if (control_count_lagged(&names, false) != lagged)
+    lg_program *plant = control_load_plant(self, values.plant, lagged > 0, names);
+    if (control_count_lagged(names, false) != lagged)
         app_stop(self, LG_SHAPE, "%s: the plant has %u lagged inputs, but the policy knows %u", values.plant,
-                 control_count_lagged(&names, false), lagged);
-    bool same =
-        names.coordinate_count + remembered == own->coordinate_count && names.input_count == own->input_count;
-    for (uint32_t i = 0; same && i < names.coordinate_count; i++)
-        same = strcmp(names.coordinate[i].name, own->coordinate[i].name) == 0 &&
-               names.coordinate[i].motion == own->coordinate[i].motion;
-    for (uint32_t l = 0; same && l < names.input_count; l++)
-        same = strcmp(names.input[l].name, own->input[l].name) == 0;
+                 control_count_lagged(names, false), lagged);
+    bool same = names->coordinate_count + remembered == own->coordinate_count &&
+                names->input_count == own->input_count;
+    for (uint32_t i = 0; same && i < names->coordinate_count; i++)
+        same = strcmp(names->coordinate[i].name, own->coordinate[i].name) == 0 &&
+               names->coordinate[i].motion == own->coordinate[i].motion;
+    for (uint32_t l = 0; same && l < names->input_count; l++)
+        same = strcmp(names->input[l].name, own->input[l].name) == 0;
     if (!same)
         app_stop(self, LG_SHAPE, "%s: its coordinates or inputs are not those of the policy", values.plant);
     warn_of_other_lag(self, policy, plant);
-    APP_MUST(self, lg_policy_transplant(policy, plant, names.dead_time, &other, &error));
-    lg_policy_destroy(policy);
-    return other;
-}
-
-static lg_policy *refined(const app *self, lg_policy *policy) {
-    lg_policy *out = NULL;
-    APP_MUST(self, lg_policy_transplant(policy, NULL, NULL, &out, &error));
-    lg_policy_destroy(policy);
-    return out;
+    return plant;
 }
 
 /* Draws come from the model --plant, or else from the plant of the task. */
@@ -89,13 +80,6 @@ static void disturb(const app *self, lg_policy *policy) {
         app_stop(self, LG_FORMAT, "%s: the task has no disturbances (robust)", values.disturb);
     APP_MUST(self, lg_policy_disturb(policy, &task, &error));
     control_add_draws(self, policy, values.plant != NULL ? values.plant : source);
-}
-
-static void tell_worst(app_json *out, const lg_policy *policy, const lg_policy_outcome *o,
-                       const double *starts) {
-    APP_OBJECT(out, "worst", LG_AS_REAL("cost", o->worst), LG_AS_WHOLE("start", o->worst_start),
-               LG_AS_REALS("errors", starts + o->worst_start * lg_policy_regulator_of(policy)->errors,
-                           lg_policy_regulator_of(policy)->errors));
 }
 
 /* The time of a call of `control` in the library, microseconds. */
@@ -251,11 +235,16 @@ static void follow(const app *self, const lg_policy *policy, const char *path, a
 /* ---- the command ---- */
 
 static void run(app *self) {
-    lg_policy *policy = NULL;
+    lg_policy *trained = NULL, *policy = NULL;
     lg_policy_outcome rough;
+    lg_policy_task names;
     APP_MUST_FILE(self, self->arguments[0],
-                  lg_policy_load(self->context, self->arguments[0], NULL, &policy, NULL, &error));
-    policy = values.plant != NULL ? other_plant(self, policy) : refined(self, policy);
+                  lg_policy_load(self->context, self->arguments[0], NULL, &trained, NULL, &error));
+    lg_program *plant = values.plant != NULL ? other_plant(self, trained, &names) : NULL;
+    APP_MUST(self,
+             lg_policy_transplant(trained, plant, plant != NULL ? names.dead_time : NULL, &policy, &error));
+    lg_policy_destroy(trained);
+    const size_t errors = lg_policy_regulator_of(policy)->errors;
     control_runs runs;
     const bool whole = values.out != NULL || app_plot_given.plot != NULL;
     control_runs_begin(policy, values.starts, whole, &runs);
@@ -272,7 +261,8 @@ static void run(app *self) {
     control_tell_outcome(out, NULL, NULL, &own);
     app_result_real(out, "microseconds", time_control(self, policy),
                     "of a call of the controller in the library");
-    tell_worst(out, policy, &own, runs.runs.path);
+    APP_OBJECT(out, "worst", LG_AS_REAL("cost", own.worst), LG_AS_WHOLE("start", own.worst_start),
+               LG_AS_REALS("errors", runs.runs.path + own.worst_start * errors, errors));
     control_tell_outcome(out, "lqr", "the saturated regulator alone", &regulator);
     if (values.disturb != NULL) {
         APP_FREE char *heading = app_format("with the disturbances of %s", values.disturb);

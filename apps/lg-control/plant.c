@@ -4,23 +4,19 @@
 #include <string.h>
 
 #include "lg-control/control_app.h"
-#include "liegrad/machine.h"
 #include "liegrad/taped.h"
 
 /* ---- kinds of files ---- */
 
-static bool is_hdf5(const app *self, const char *path) {
-    bool is;
-    APP_MUST_FILE(self, path, lg_file_is_h5(path, &is, &error));
-    return is;
-}
+typedef enum plant_kind { MACHINE, MODEL, PROGRAM } plant_kind; /* MODEL: of lg-identify */
 
-/* Whether the file is a model of lg-identify. */
-static bool is_model(const app *self, const char *path) {
+static plant_kind kind_of(const app *self, const char *path) {
     char kind[64];
-    if (!is_hdf5(self, path)) return false;
+    bool is_hdf5;
+    APP_MUST_FILE(self, path, lg_file_is_h5(path, &is_hdf5, &error));
+    if (!is_hdf5) return MACHINE;
     APP_MUST_FILE(self, path, lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, &error));
-    return strcmp(kind, "machine_model") == 0;
+    return strcmp(kind, "machine_model") == 0 ? MODEL : PROGRAM;
 }
 
 /* ---- machines ---- */
@@ -139,9 +135,10 @@ static void stick(const app *self, control_machine *m) {
 
 /* false: the file is a program. */
 static bool open_machine(const app *self, const char *path, control_machine *out) {
+    const plant_kind kind = kind_of(self, path);
     *out = (control_machine){.model = {.theta = NULL}};
-    if (is_hdf5(self, path) && !is_model(self, path)) return false;
-    if (is_hdf5(self, path)) {
+    if (kind == PROGRAM) return false;
+    if (kind == MODEL) {
         APP_MUST_FILE(
             self, path,
             lg_recipe_load(self->context, path, NULL, &lg_recipe_machine_model, &out->model, &error));
@@ -169,14 +166,6 @@ static bool open_machine(const app *self, const char *path, control_machine *out
     return true;
 }
 
-/* `lagged`: as in control_load_plant. */
-static lg_program *plant_of(const app *self, const control_machine *m, bool lagged) {
-    lg_program *program = NULL;
-    APP_MUST(self, lg_machine_program(self->context, &m->machine, m->model.theta, m->scheme, lagged, &program,
-                                      &error));
-    return program;
-}
-
 /* Widths of friction are at least `speed`, or so large that none is left. */
 static lg_status soften(void *user, const double *speed, lg_program **out, lg_error *error) {
     const control_machine *m = user;
@@ -201,11 +190,14 @@ static lg_status soften(void *user, const double *speed, lg_program **out, lg_er
 
 static lg_program *load_machine(const app *self, const char *path, const control_machine *m, bool lagged,
                                 lg_policy_task *task) {
+    lg_program *program = NULL;
     name_coordinates(self, path, &m->file, task);
     if (lagged) name_lagged(self, path, &m->machine, task);
     for (uint32_t l = 0; l < m->machine.input_count && l < LG_POLICY_INPUTS; l++)
         task->dead_time[l] = m->delay[l] * (m->row > 0 ? m->row : task->period);
-    return plant_of(self, m, lagged);
+    APP_MUST(self, lg_machine_program(self->context, &m->machine, m->model.theta, m->scheme, lagged, &program,
+                                      &error));
+    return program;
 }
 
 /* ---- draws ---- */
@@ -252,7 +244,7 @@ static void draw_plants(const app *self, const char *path, double spread, size_t
                         lg_program **out) {
     APP_CLEAN(control_machine_destroy) control_machine m;
     lg_rng rng;
-    if (!is_model(self, path))
+    if (kind_of(self, path) != MODEL)
         app_stop(self, LG_FORMAT,
                  "%s: %s needs a model of lg-identify, whose covariance tells what else the machine may be",
                  path, why);
@@ -295,17 +287,6 @@ static void find_rates(const app *self, lg_policy *policy, bool held, const doub
                                    PLACES, (const double *const[]){z, u}, (double *const[]){out}, &error));
 }
 
-/* Adds the squares of the differences that drawn machines make. */
-static void add_squares(const app *self, const lg_policy *policy, lg_program *plant, bool held,
-                        const double *z, const double *u, const double *first, double *other, size_t numbers,
-                        double *square) {
-    lg_policy *drawn = NULL;
-    APP_MUST(self, lg_policy_transplant(policy, plant, NULL, &drawn, &error));
-    find_rates(self, drawn, held, z, u, other);
-    for (size_t i = 0; i < numbers; i++) square[i] += (other[i] - first[i]) * (other[i] - first[i]) / DRAWS;
-    lg_policy_destroy(drawn);
-}
-
 void control_draw_error(const app *self, lg_policy *policy, const char *plant, bool held, const double *high,
                         double *out) {
     const lg_policy_task *task = lg_policy_task_of(policy);
@@ -324,8 +305,14 @@ void control_draw_error(const app *self, lg_policy *policy, const char *plant, b
                    : lg_rng_uniform_in(&rng, task->input[i % m].low, task->input[i % m].high);
     find_rates(self, policy, held, z, u, first);
     draw_plants(self, plant, 0, DRAWS, "--model-error auto", plants);
-    for (size_t k = 0; k < DRAWS; k++)
-        add_squares(self, policy, plants[k], held, z, u, first, other, numbers, square);
+    for (size_t k = 0; k < DRAWS; k++) {
+        lg_policy *drawn = NULL;
+        APP_MUST(self, lg_policy_transplant(policy, plants[k], NULL, &drawn, &error));
+        find_rates(self, drawn, held, z, u, other);
+        for (size_t i = 0; i < numbers; i++)
+            square[i] += (other[i] - first[i]) * (other[i] - first[i]) / DRAWS;
+        lg_policy_destroy(drawn);
+    }
     for (size_t i = 0; i < n; i++) out[i] = 0;
     for (size_t i = 0; i < numbers; i++) out[i % n] = fmax(out[i % n], 3 * sqrt(square[i]));
 }

@@ -14,16 +14,16 @@ typedef struct number {
 } number;
 
 typedef struct table {
-    const app *self;
     control_machine *machine;
     number *rows;
     size_t count, identified;
 } table;
 
-static number *add(table *t, const char *name) {
+/* `count`, `k`: the number is entry k of so many with this name. */
+static number *add(table *t, const char *name, uint32_t count, uint32_t k) {
     number *row = &t->rows[t->count++];
     *row = (number){.count = 1};
-    (void)snprintf(row->name, sizeof row->name, "%s", name);
+    (void)snprintf(row->name, sizeof row->name, count == 1 ? "%s" : "%s.%u", name, k + 1);
     row->lag = strncmp(name, "lag", 3) == 0 || strncmp(name, "second_order_lag", 16) == 0;
     return row;
 }
@@ -38,14 +38,12 @@ static bool is_unknown(const lg_machine_term *term, uint32_t index) {
 static void add_term(table *t, lg_machine_term *term) {
     const uint32_t n = t->machine->machine.velocities, count = term->value_count;
     const char *kind = lg_term_kind_name(term->kind);
-    APP_FREE char *part = strcmp(kind, "known") == 0 ? app_format("%s", lg_machine_part_name(term->part))
-                                                     : app_format("%s", kind);
+    const char *name = strcmp(kind, "known") == 0 ? lg_machine_part_name(term->part) : kind;
     bool whole = count == n * n && n > 1;
     for (uint32_t k = 0; whole && k < count; k++) whole = !is_unknown(term, k);
     for (uint32_t k = 0; k < count && !(whole && k > 0); k++) {
         if (!whole && (term->values[k] == 0 || is_unknown(term, k))) continue;
-        APP_FREE char *name = whole || count == 1 ? app_format("%s", part) : app_format("%s.%u", part, k + 1);
-        number *row = add(t, name);
+        number *row = add(t, name, whole ? 1 : count, k);
         row->at = &term->values[k], row->count = whole ? count : 1;
     }
 }
@@ -63,16 +61,14 @@ static void list_numbers(table *t) {
         const uint32_t count = entry->count > 0 ? (uint32_t)entry->count : machine->coordinate_count;
         for (uint32_t k = 0; k < count && at < machine->grey.count; k++, at++) {
             if (machine->grey.unknown[at] || machine->grey.start[at] == 0) continue;
-            APP_FREE char *name =
-                count == 1 ? app_format("%s", entry->key) : app_format("%s.%u", entry->key, k + 1);
-            add(t, name)->at = &machine->grey.start[at];
+            add(t, entry->key, count, k)->at = &machine->grey.start[at];
         }
     }
     for (uint32_t i = 0; i < machine->term_count; i++) add_term(t, &machine->terms[i]);
     APP_FREE lg_identified *found = app_alloc(t->identified + 1, sizeof *found);
     if (t->identified > 0) (void)lg_machine_numbers(machine, theta, t->identified, found);
     for (size_t k = 0; k < t->identified; k++)
-        if (found[k].value != 0 && isfinite(found[k].value)) add(t, found[k].name)->identified = k;
+        if (found[k].value != 0 && isfinite(found[k].value)) add(t, found[k].name, 1, 0)->identified = k;
 }
 
 /* ---- changes ---- */
@@ -109,8 +105,8 @@ static bool change_identified(const table *t, size_t index, double factor) {
 
 /* The success on the plant as it is now; NaN: it could not be simulated. */
 static double success_of(const table *t, const lg_policy *policy, uint64_t starts) {
-    const app *self = t->self;
     const control_machine *m = t->machine;
+    const app *self = m->self;
     lg_policy *other = NULL;
     lg_policy_outcome outcome;
     lg_program *plant = NULL;
@@ -141,25 +137,18 @@ static double changed_success(const table *t, const number *row, double factor, 
     return success;
 }
 
-static void put_row(const table *t, const number *row, const lg_policy *policy, uint64_t starts,
-                    app_json *out) {
+void control_tell_robustness(const lg_policy *policy, control_machine *machine, uint64_t starts,
+                             app_json *out) {
     static const double usual[] = {0.8, 0.9, 1.1, 1.2, 4.0 / 3, 5.0 / 3}; /* the last two of lags */
-    const size_t count = LG_COUNT(usual) - (row->lag ? 0 : 2);
-    for (size_t k = 0; k < count; k++) {
-        const double success = changed_success(t, row, usual[k], policy, starts);
-        APP_OBJECT(out, NULL, LG_AS_TEXT("name", row->name), LG_AS_REAL("factor", usual[k]),
-                   LG_AS_REAL("success", success));
-    }
-}
-
-void control_tell_robustness(const app *self, const lg_policy *policy, control_machine *machine,
-                             uint64_t starts, app_json *out) {
-    table t = {.self = self, .machine = machine};
+    table t = {.machine = machine};
     if (starts > 0 && machine->scheme != NULL) list_numbers(&t);
     if (t.count > 0)
         app_result_line(out, "from %llu starts, if a number of the plant is off by a factor:",
                         (unsigned long long)starts);
     app_result_rows(out, "robustness");
-    for (size_t i = 0; i < t.count; i++) put_row(&t, &t.rows[i], policy, starts, out);
+    for (const number *row = t.rows; row < t.rows + t.count; row++)
+        for (size_t k = 0; k < LG_COUNT(usual) - (row->lag ? 0 : 2); k++)
+            APP_OBJECT(out, NULL, LG_AS_TEXT("name", row->name), LG_AS_REAL("factor", usual[k]),
+                       LG_AS_REAL("success", changed_success(&t, row, usual[k], policy, starts)));
     app_result_rows_end(out);
 }

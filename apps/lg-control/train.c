@@ -185,7 +185,7 @@ static void report(const app *self, const lg_policy *trained, control_machine *m
     app_result_text(out, "out", values.out, NULL);
     report_gap(self, policy, seed,
                values.seconds > 0 ? 0.2 * values.seconds : fmax(10, 0.2 * result->seconds), out);
-    control_tell_robustness(self, policy, machine, values.robustness, out);
+    control_tell_robustness(policy, machine, values.robustness, out);
     lg_policy_destroy(policy);
 }
 

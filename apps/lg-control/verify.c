@@ -4,7 +4,6 @@
 
 #include "core/core.h"
 #include "lg-control/control_app.h"
-#include "liegrad/certify.h"
 
 static const lg_field options[] = {APP_BOUND(app_common, "Largest time of the proof", .value = "60"),
                                    LG_FIELD_END};
@@ -18,7 +17,7 @@ typedef struct comparison {
 static comparison compare(const app *self, const lg_certificate *file, const char *path) {
     comparison c = {.compared = true};
     lg_program *program = NULL;
-    lg_policy *policy = control_read_policy(self, path);
+    lg_policy *policy = control_read_policy(self, path, NULL, 0);
     APP_MUST(self, lg_policy_add_rate(policy, &program, &error));
     APP_MUST(self, lg_certificate_compare(file, program, "rate_by_input", "input_by_state", &c.plant,
                                           &c.controller, &error));
@@ -90,7 +89,7 @@ static void run(app *self) {
     const comparison c =
         self->argument_count > 1 ? compare(self, &file, self->arguments[1]) : (comparison){.compared = false};
     APP_MUST(self, lg_certify_run(certify, SIZE_MAX, app_common_given.seconds, &r, &error));
-    APP_FREE char *other = tell_difference(&c, self->argument_count > 1 ? self->arguments[1] : "");
+    APP_FREE char *other = tell_difference(&c, self->arguments[1]);
     APP_FREE char *late =
         app_format("not finished in %.3g s; --seconds allows more", app_common_given.seconds);
     const char *reason = !r.finished                        ? late

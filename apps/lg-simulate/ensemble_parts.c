@@ -4,14 +4,6 @@
 
 #include <string.h>
 
-/* Reads --task. Rank r of R ranks is task r of R. */
-static ensemble_task read_task(const app *self, const char *text) {
-    ensemble_task out = {0, 0};
-    if (self->rank_count > 1) out = (ensemble_task){self->rank, self->rank_count};
-    if (text != NULL) trials_task(self, text, TASKS_MAX, &out.index, &out.count);
-    return out;
-}
-
 /* insert("a/out.h5", ".x") returns "a/out.x.h5". */
 static char *insert(const char *path, const char *text) {
     const char *dot = strrchr(path, '.'), *slash = strrchr(path, '/');
@@ -40,7 +32,11 @@ uint64_t rows_among(uint64_t saved, uint64_t first, uint64_t members) {
 }
 
 void ensemble_files_choose(const app *self, const simulate_values *values, ensemble_files *out) {
-    if (values->ensemble > 0) out->task = read_task(self, values->task);
+    /* Rank r of R ranks is task r of R. */
+    if (values->ensemble > 0 && self->rank_count > 1)
+        out->task = (ensemble_task){self->rank, self->rank_count};
+    if (values->ensemble > 0 && values->task != NULL)
+        trials_task(self, values->task, TASKS_MAX, &out->task.index, &out->task.count);
     if (values->out == NULL) return;
     out->out = part_path(values->out, &out->task);
     if (values->save > 0) out->trajectories = rows_path(out->out);

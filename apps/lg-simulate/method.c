@@ -50,22 +50,18 @@ void check_control(const simulation *sim, const lg_scheme *scheme) {
 
 /* ---- choosing a method ---- */
 
-static method method_read(const simulation *sim, const char *option, const char *path) {
-    lg_scheme *file = NULL;
-    APP_MUST_FILE(sim->self, path, lg_scheme_read(sim->self->context, path, &file, &error));
-    refuse_if_impossible(sim, option, file);
-    return (method){*file, file};
-}
-
 method method_named(const simulation *sim, const char *option, const char *name) {
     const lg_scheme *scheme = lg_scheme_find(name);
-    if (scheme == NULL && (strpbrk(name, "./") != NULL || access(name, F_OK) == 0))
-        return method_read(sim, option, name);
+    lg_scheme *file = NULL;
+    if (scheme == NULL && (strpbrk(name, "./") != NULL || access(name, F_OK) == 0)) {
+        APP_MUST_FILE(sim->self, name, lg_scheme_read(sim->self->context, name, &file, &error));
+        scheme = file;
+    }
     if (scheme == NULL)
         app_stop_usage(sim->self, "--%s: '%s' is not one of %s", option, name,
                        method_names(sim, false, false));
     refuse_if_impossible(sim, option, scheme);
-    return (method){.scheme = *scheme};
+    return (method){*scheme, file};
 }
 
 void method_free(method *what) {
@@ -73,25 +69,21 @@ void method_free(method *what) {
     *what = (method){.file = NULL};
 }
 
-static void set_theta(const simulation *sim, lg_scheme *scheme) {
-    if (scheme->kind != LG_SCHEME_IMPLICIT && scheme->kind != LG_SCHEME_SLGI)
+void method_adjust(const simulation *sim, method *what) {
+    lg_scheme *scheme = &what->scheme;
+    const uint64_t terms = sim->values->dexpinv;
+    const bool theta = app_given(sim->self, "theta"), dexpinv = app_given(sim->self, "dexpinv");
+    if (theta && scheme->kind != LG_SCHEME_IMPLICIT && scheme->kind != LG_SCHEME_SLGI)
         app_stop_usage(sim->self,
                        "--theta: '%s' has no parameter theta; slgi, midpoint and implicit-euler have one",
                        scheme->name);
-    scheme->theta = sim->values->theta;
-    scheme->order = scheme->theta == 0.5 ? 2 : 1;
-}
-
-static void set_dexpinv(const simulation *sim, lg_scheme *scheme) {
-    const uint64_t terms = sim->values->dexpinv;
-    if (scheme->kind != LG_SCHEME_RKMK || scheme->ambient)
+    if (dexpinv && (scheme->kind != LG_SCHEME_RKMK || scheme->ambient))
         app_stop_usage(sim->self, "--dexpinv: '%s' has no dexpinv; RKMK methods have one", scheme->name);
-    scheme->dexpinv = terms > LG_DEXPINV_MAX ? LG_DEXPINV_EXACT : (int)terms;
-}
-
-void method_adjust(const simulation *sim, method *what) {
-    if (app_given(sim->self, "theta")) set_theta(sim, &what->scheme);
-    if (app_given(sim->self, "dexpinv")) set_dexpinv(sim, &what->scheme);
+    if (theta) {
+        scheme->theta = sim->values->theta;
+        scheme->order = scheme->theta == 0.5 ? 2 : 1;
+    }
+    if (dexpinv) scheme->dexpinv = terms > LG_DEXPINV_MAX ? LG_DEXPINV_EXACT : (int)terms;
 }
 
 method method_choose(const simulation *sim) {

@@ -11,16 +11,12 @@ static int by_offset(const void *a, const void *b) {
     return x->offset < y->offset ? -1 : x->offset > y->offset;
 }
 
-static size_t outer_count(const simulation *sim, const lg_state_entry *row) {
-    const size_t links = lg_system_links(sim->system);
-    return row->outer > 0 ? row->outer : links > 0 ? links : 1;
-}
-
 static void make_blocks(simulation *sim) {
     const lg_state_entry *rows = lg_system_state(lg_system_name(sim->system), lg_system_form(sim->system));
+    const size_t links = lg_system_links(sim->system);
     sim->blocks = app_keep(sim->reported, sizeof *sim->blocks);
     for (const lg_state_entry *row = rows; row != NULL && row->key != NULL; row++)
-        for (size_t i = 0, n = outer_count(sim, row); i < n; i++) {
+        for (size_t i = 0, n = row->outer > 0 ? row->outer : links > 0 ? links : 1; i < n; i++) {
             const block at = {row->key, row->outer == 1 ? 0 : i + 1, row->first + i * row->stride,
                               row->rows * row->columns, row->columns};
             if (at.offset + at.count <= sim->reported) sim->blocks[sim->block_count++] = at;
