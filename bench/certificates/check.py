@@ -255,8 +255,8 @@ class Proof:
         fall = definite(-(M + M.turn())[:s.n, :s.n]) if near else rise < 0
         if not s.converges: fall = fall | (V < s.eps) & ((level + I(rise)).h <= s.level)
         return (ok > 0) & good & fall, (ok > 0) & np.full(N, True)
-    def sweep(s, lo, hi, steps, near=False, depth=0):   # columns of lo, hi are boxes of y
-        for l, h in [(lo[:, i:i + BATCH], hi[:, i:i + BATCH]) for i in range(0, lo.shape[1], BATCH)]:
+    def sweep(s, lo, hi, steps, near=False, depth=0, n=BATCH):   # columns of lo, hi are boxes of y; n: most at a time
+        for l, h in [(lo[:, i:i + n], hi[:, i:i + n]) for i in range(0, lo.shape[1], n)]:
             s.count += l.shape[1]
             if not near:
                 rest = ~(quadratic(s.Q, I(l[:, None], h[:, None])).l > s.level)
@@ -268,7 +268,7 @@ class Proof:
                 box = zip(*[q[:, np.argmin(done)] for q in (l, h)])
                 raise Refused('no proof in the box y = ' + ' x '.join(f'[{a:.9g}, {b:.9g}]' for a, b in box))
             for some, more in ((~done & tubes, steps), (~done & ~tubes, min(2 * steps, 64 * s.steps))):
-                s.sweep(*halves(l[:, some], h[:, some], np.argmax(h - l, 0)[some]), more, near, depth + 1)
+                s.sweep(*halves(l[:, some], h[:, some], np.argmax(h - l, 0)[some]), more, near, depth + 1, max(64, n // 2))
     def prove(s):
         lo, hi, seen, x = s.low[:, None], s.high[:, None], 0, I(s.goal[:, None, None])
         if s.converges:
