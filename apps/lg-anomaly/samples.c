@@ -277,7 +277,7 @@ static bool is_time(const char *name) {
     return false;
 }
 
-/* Number of cells of a line. */
+/* Returns the number of cells that a line should have. */
 static uint32_t cells_of(const sample_reader *reader) {
     const uint32_t names = reader->frame.columns;
     return names > 0 ? names : reader->channels + (reader->layout == LAYOUT_TIMED);
@@ -422,10 +422,10 @@ static void look_ahead(sample_reader *reader) {
 }
 
 static bool hides_row(const sample_reader *reader, const char *line) {
-    const bool named = reader->frame.columns > 0;
-    const lg_csv as = {.separator = named ? reader->csv.separator : lg_csv_separator(line, ' '),
+    const lg_csv as = {.separator =
+                           reader->frame.columns > 0 ? reader->csv.separator : lg_csv_separator(line, ' '),
                        .cells = cells_of(reader)};
-    return reader->layout != LAYOUT_UNKNOWN && lg_csv_hides_row(&as, line);
+    return reader->lines > 0 && lg_csv_hides_row(&as, line);
 }
 
 sample_kind sample_next(sample_reader *reader, float *sample, double *time) {
