@@ -52,7 +52,7 @@ static inline bool attack_loop(uint64_t number, size_t samples, size_t starts, l
         return true;
     }
     lg_test_owns(certify, release_certify);
-    assert_told(lg_certify_run(certify, boxes[l->n - 1], 0.3, &r, &told));
+    assert_told(lg_certify_run(certify, boxes[l->n - 1], 60, &r, &told));
     c->proof += loop_seconds() - start - search;
     if (getenv("LG_SAY"))
         print_message("%" PRIu64 " %s n %zu m %zu mode %d code %u %u: %d %d %d, %zu boxes %.3f s (%.3f)\n",
