@@ -333,15 +333,14 @@ lg_status lg_csv_header(lg_csv *c, lg_error *error) {
 
 /* ---- writing ---- */
 
-/* Begins a cell. */
-static lg_text *cell_of(lg_columns *to) {
+lg_text *lg_columns_cell(lg_columns *to) {
     if (to->open) lg_text_append(&to->text, ",", 1);
     to->open = true;
     return &to->text;
 }
 
 static void put_text(lg_columns *to, const char *text, bool name) {
-    lg_text *out = cell_of(to);
+    lg_text *out = lg_columns_cell(to);
     const size_t length = strlen(text);
     bool plain = !lg_csv_missing(text) && strpbrk(text, ",;\"#") == NULL && lg_csv_comment(text) == 0 &&
                  text[0] != ' ' && text[length - 1] != ' ' && !(name && lg_is_decimal(text)) &&
@@ -353,7 +352,7 @@ static void put_text(lg_columns *to, const char *text, bool name) {
 }
 
 void lg_columns_names(lg_columns *to, const char *names) {
-    lg_text_append(cell_of(to), names, strlen(names));
+    lg_text_append(lg_columns_cell(to), names, strlen(names));
 }
 
 void lg_columns_name(lg_columns *to, const char *name) {
@@ -365,12 +364,12 @@ void lg_columns_text(lg_columns *to, const char *text) {
 }
 
 void lg_columns_whole(lg_columns *to, uint64_t value) {
-    lg_text_add(cell_of(to), "%" PRIu64, value);
+    lg_text_add(lg_columns_cell(to), "%" PRIu64, value);
 }
 
 void lg_columns_number(lg_columns *to, double value) {
     char text[LG_SHORTEST];
-    lg_text *out = cell_of(to);
+    lg_text *out = lg_columns_cell(to);
     if (!isfinite(value) && !to->words) return;
     if (to->shortest)
         lg_format_shortest(text, value, false);
@@ -384,7 +383,7 @@ void lg_columns_numbers(lg_columns *to, const double *values, size_t count) {
 }
 
 void lg_columns_empty(lg_columns *to) {
-    (void)cell_of(to);
+    (void)lg_columns_cell(to);
 }
 
 void lg_columns_end(lg_columns *to) {

@@ -99,6 +99,8 @@ typedef struct lg_columns {
     bool shortest; /* numbers have the fewest digits that read back as the same number; otherwise 17 */
 } lg_columns;
 
+/* Begins a cell and returns the text, to which the caller adds the cell. It must not need quotes. */
+lg_text *lg_columns_cell(lg_columns *to);
 /* Adds several cells of the header, such as "t,x,y". None of the names may need quotes. */
 void lg_columns_names(lg_columns *to, const char *names);
 /* Add a cell, in quotes if it needs them, so that the functions above read the same text. A name is a cell of
