@@ -31,7 +31,8 @@ static bool fill(lg_csv *c) {
     ssize_t got = -1;
     while (got < 0 && !c->ended) {
         c->ended = c->wait != NULL && !c->wait(c->user);
-        if (!c->ended) got = read(c->file, c->block, BLOCK);
+        if (!c->ended)
+            got = c->file < 0 ? (ssize_t)fread(c->block, 1, BLOCK, c->from) : read(c->file, c->block, BLOCK);
         if (got < 0 && !c->ended && errno != EINTR && errno != EAGAIN) c->failure = errno;
         c->ended = c->ended || got == 0 || c->failure != 0;
     }
@@ -107,8 +108,9 @@ lg_status lg_csv_next(lg_csv *c, bool *more, lg_error *error) {
         return lg_fail(error, LG_FILE, "%s: cannot be read: %s", c->shown, strerror(c->failure));
     if (quoted && c->lines > c->number) return lg_csv_fail(c, error, "a quote is not closed");
     *more = c->closed || c->length > 0 || c->cut;
-    for (; c->length > 0 && c->line[c->length - 1] == '\r'; c->length--) c->closed = true;
-    c->line[c->length] = '\0';
+    size_t end = c->length;
+    for (; end > 0 && c->line[end - 1] == '\r'; end--) c->closed = true;
+    c->line[end] = '\0';
     return LG_OK;
 }
 
@@ -416,7 +418,7 @@ lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error) {
 }
 
 bool lg_csv_missing(const char *cell) {
-    static const char *const missing[] = {"", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null"};
+    static const char *const missing[] = {"", "-nan", LG_MISSING_WORDS};
     for (size_t i = 0; i < LG_COUNT(missing); i++)
         if (strcmp(cell, missing[i]) == 0) return true;
     return false;
@@ -424,23 +426,17 @@ bool lg_csv_missing(const char *cell) {
 
 /* ---- the file ---- */
 
-lg_status lg_csv_open(const lg_context *context, const char *path, const char *what, lg_csv *c,
-                      lg_error *error) {
+lg_status lg_csv_open(const lg_context *context, const char *path, lg_csv *c, lg_error *error) {
     uint64_t bytes;
-    FILE *from = NULL;
-    *c = (lg_csv){.context = context};
-    if (*path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a %s needs a name", what);
-    LG_TRY(lg_read_open(path, &from, &bytes, error));
-    const lg_status status =
-        lg_csv_open_feed(context, fileno(from), path, LONGEST_LINE, NULL, NULL, c, error);
-    c->from = from;
-    return status;
+    LG_TRY(lg_csv_open_feed(context, -1, path, LONGEST_LINE, NULL, NULL, c, error));
+    LG_TRY(lg_read_open(path, &c->from, &bytes, error));
+    c->file = fileno(c->from);
+    return LG_OK;
 }
 
 lg_status lg_csv_open_feed(const lg_context *context, int file, const char *name, size_t longest,
                            bool (*wait)(void *user), void *user, lg_csv *c, lg_error *error) {
     *c = (lg_csv){.context = context,
-                  .path = name,
                   .shown = lg_shown_path(name),
                   .file = file,
                   .room = FIRST_LINE,

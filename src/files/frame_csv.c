@@ -12,7 +12,7 @@ static lg_status open_csv(lg_frame *f, lg_error *error) {
     lg_csv *c = f->source = lg_alloc(f->context, 1, sizeof *c);
     char *cell = NULL;
     if (c == NULL) return lg_frame_no_memory(f, error);
-    LG_TRY(lg_csv_open(f->context, f->path, f->what, c, error));
+    LG_TRY(lg_csv_open(f->context, f->path, c, error));
     c->ours = f->ours;
     LG_TRY(lg_csv_header(c, error));
     f->header = c->number;

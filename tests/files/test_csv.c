@@ -20,7 +20,7 @@ static const char *read_row(const char *text, size_t bytes) {
     assert_int_equal(fclose(file), 0);
     error = (lg_error){LG_OK, ""};
     lg_status status;
-    while (lg_test_again(status = lg_csv_open(NULL, path, "table", &c, &error))) lg_csv_close(&c);
+    while (lg_test_again(status = lg_csv_open(NULL, path, &c, &error))) lg_csv_close(&c);
     if (status == LG_OK) status = lg_csv_header(&c, &error);
     if (status == LG_OK) status = lg_csv_line(&c, &more, &error);
     if (status == LG_OK) status = lg_csv_check_row(&c, &cut, &error);
@@ -60,7 +60,7 @@ static const char *cells_of(const char *text) {
     bool more = false;
     all[0] = '\0';
     write_text_to(scratch_path("rows.csv"), text);
-    lg_status status = lg_csv_open(NULL, scratch_path("rows.csv"), "table", &c, &error);
+    lg_status status = lg_csv_open(NULL, scratch_path("rows.csv"), &c, &error);
     if (status == LG_OK) status = lg_csv_header(&c, &error);
     for (int k = 0; k < 2 && status == LG_OK; k++) {
         lg_append(all, sizeof all, "%zu:", c.number);
@@ -186,7 +186,7 @@ TEST("lines, quotes and byte order marks may lie anywhere in the blocks that are
         const size_t before = BLOCK - sizeof row + shift - AROUND; /* bytes of a comment before the rest */
         (void)snprintf(text, sizeof text, "\xef\xbb\xbf#%*s\n%s", (int)before - 5, "", row + 3);
         write_text_to(scratch_path("rows.csv"), text);
-        lg_status status = lg_csv_open(NULL, scratch_path("rows.csv"), "table", &c, &error);
+        lg_status status = lg_csv_open(NULL, scratch_path("rows.csv"), &c, &error);
         if (status == LG_OK) status = lg_csv_header(&c, &error);
         if (status == LG_OK && strcmp(c.line, "a,\"b\n\"\"c\"") != 0) fail_msg("%zu: '%s'", shift, c.line);
         if (status == LG_OK) assert_int_equal(c.number, 4);
