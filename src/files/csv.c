@@ -13,7 +13,8 @@
 
 #include "liegrad/settings.h"
 
-#define CR_ALONE "has lines that end with a carriage return alone (CR): let them end with a newline (LF)"
+#define OPEN_QUOTE "a quote is not closed: end the cell with a quote, and double the quotes inside it"
+#define CR_ALONE   "has lines that end with a carriage return alone (CR): let them end with a newline (LF)"
 enum { BLOCK = 1 << 16, LONGEST_LINE = 1 << 20, FIRST_LINE = 1 << 12 };
 
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what) {
@@ -55,9 +56,10 @@ static lg_status take_bytes(lg_csv *c, const char *from, size_t count, bool quot
         c->cut = c->room >= c->longest;
         if (c->cut && c->wait == NULL)
             return lg_csv_fail(c, error,
-                               quoted                                     ? "a quote is not closed"
-                               : memchr(c->line, '\r', c->length) != NULL ? CR_ALONE
-                                                                          : "is longer than a million bytes");
+                               quoted ? OPEN_QUOTE
+                               : memchr(c->line, '\r', c->length) != NULL
+                                   ? CR_ALONE
+                                   : "is longer than a million bytes: end rows with a newline");
         if (!c->cut) LG_TRY(widen(c, error));
     }
     if (c->cut) return LG_OK;
@@ -70,7 +72,7 @@ static lg_status take_bytes(lg_csv *c, const char *from, size_t count, bool quot
                 strncmp(c->line, "PK", 2) == 0
                     ? "is not text: it begins as a zip file; from .npz save one array as .npy (numpy.save)"
                     : "is not text: it has a zero byte, so it is no CSV in UTF-8, and it does not begin "
-                      "as HDF5 or an array of numpy (.npy)");
+                      "as HDF5 or an array of numpy (.npy): save it as one of these");
     c->length += count;
     if (c->number == 1 && c->length >= 3 && memcmp(c->line, "\xef\xbb\xbf", 3) == 0) {
         c->length -= 3;
@@ -106,7 +108,7 @@ lg_status lg_csv_next(lg_csv *c, bool *more, lg_error *error) {
     }
     if (c->failure != 0)
         return lg_fail(error, LG_FILE, "%s: cannot be read: %s", c->shown, strerror(c->failure));
-    if (quoted && c->lines > c->number) return lg_csv_fail(c, error, "a quote is not closed");
+    if (quoted && c->lines > c->number) return lg_csv_fail(c, error, OPEN_QUOTE);
     *more = c->closed || c->length > 0 || c->cut;
     size_t end = c->length;
     for (; end > 0 && c->line[end - 1] == '\r'; end--) c->closed = true;
@@ -164,7 +166,7 @@ static lg_status unquote(const lg_csv *c, char **at, lg_error *error) {
         from += *from == '"';
         *to++ = *from;
     }
-    if (*from == '\0') return lg_csv_fail(c, error, "a quote is not closed");
+    if (*from == '\0') return lg_csv_fail(c, error, OPEN_QUOTE);
     *at = from + 1;
     memset(to, '\0', (size_t)(from - to) + 1);
     return LG_OK;
@@ -180,7 +182,8 @@ lg_status lg_csv_cell(lg_csv *c, char **at, char **cell, lg_error *error) {
         LG_TRY(unquote(c, &end, error));
         while (is_space(c, *end)) end++;
         if (*end != '\0' && *end != c->separator)
-            return lg_csv_fail(c, error, "text follows a closing quote");
+            return lg_csv_fail(c, error,
+                               "text follows a closing quote: quote the whole cell, and double quotes in it");
     } else {
         while (*end != '\0' && *end != c->separator) end++;
         for (char *last = end; last > *cell && is_space(c, last[-1]); last--) last[-1] = '\0';
@@ -194,7 +197,8 @@ lg_status lg_csv_name(lg_csv *c, char **at, char **name, lg_error *error) {
     LG_TRY(lg_csv_cell(c, at, name, error));
     for (const char *byte = *name; *byte != '\0' && !c->quoted; byte++)
         if ((unsigned char)*byte < ' ')
-            return lg_csv_fail(c, error, "is not a header: it has control characters");
+            return lg_csv_fail(c, error,
+                               "is not a header: it has control characters; put the name in quotes");
     return LG_OK;
 }
 
@@ -308,11 +312,11 @@ static lg_status check_header(lg_csv *c, lg_error *error) {
     if (take_a_comment(c) || named) return LG_OK;
     if (c->comments == 0)
         return lg_csv_fail(c, error,
-                           "has numbers where the names of the columns are expected: there is no header");
+                           "has numbers where names of columns are expected: there is no header; write one");
     return lg_fail(
         error, LG_FORMAT,
-        "%s: line %zu: has numbers where the names of the columns are expected: there is no header, "
-        "and the comment in line %zu has not one name for each of the %zu columns",
+        "%s: line %zu: has numbers where names of columns are expected: there is no header, and the "
+        "comment in line %zu has not one name for each of the %zu columns; write one",
         c->shown, c->number, c->comment[c->comments - 1].number, c->cells);
 }
 
@@ -320,15 +324,14 @@ lg_status lg_csv_header(lg_csv *c, lg_error *error) {
     bool more = true, open = false;
     for (;;) {
         LG_TRY(lg_csv_next(c, &more, error));
-        if (!more)
-            return lg_csv_fail(c, error, "is empty: a header with the names of the columns is expected");
+        if (!more) return lg_csv_fail(c, error, "is empty: write the names of the columns in the first line");
         if (lg_csv_comment(c->line) > 0) LG_TRY(keep_comment(c, error));
         if (!is_empty(c)) break;
     }
     if (strchr(c->line, '\r') != NULL && strchr(c->line, '"') == NULL) return lg_csv_fail(c, error, CR_ALONE);
     c->separator = lg_csv_separator(c->line, ',');
     c->cells = lg_csv_count(c->line, c->separator, &open);
-    if (open) return lg_csv_fail(c, error, "a quote is not closed");
+    if (open) return lg_csv_fail(c, error, OPEN_QUOTE);
     if (c->cells == 1 && c->comments > 0) LG_TRY(split_blanks(c, error));
     return check_header(c, error);
 }
@@ -411,10 +414,12 @@ lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error) {
     const size_t cells = lg_csv_count(c->line, c->separator, &open);
     *cut = !c->closed && (cells < c->cells || c->ours);
     if (*cut) return LG_OK;
-    if (open) return lg_csv_fail(c, error, "a quote is not closed");
+    if (open) return lg_csv_fail(c, error, OPEN_QUOTE);
     if (cells == c->cells) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: line %zu: has %zu cells, the header has %zu", c->shown, c->number,
-                   cells, c->cells);
+    return lg_fail(error, LG_FORMAT,
+                   "%s: line %zu: has %zu cells, the header has %zu" LG_CSV_EMPTY
+                   ", and put those with a separator in quotes",
+                   c->shown, c->number, cells, c->cells);
 }
 
 bool lg_csv_missing(const char *cell) {
