@@ -285,7 +285,7 @@ static unsigned lacking_forms(const char *cell) {
  * a cell without quotes, or an end that lg_columns does not write. */
 static bool read_rows(lg_csv *from, size_t columns, unsigned *lacks, table_rows *rows) {
     bool more = true;
-    for (*rows = (table_rows){0, 0};; rows->count++) {
+    for (*rows = (table_rows){0};; rows->count++) {
         if (app_had_memory(lg_csv_next(from, &more, NULL)) != LG_OK || !more) return !more;
         if (!from->closed || strlen(from->line) != from->length) return false;
         char *begin = from->line, *next = begin, *cell;
