@@ -271,7 +271,7 @@ static unsigned lacking_forms(const char *cell) {
     double x;
     char digits[3][CELL];
     unsigned lacks = 0;
-    if (lg_csv_missing(cell) || strcmp(cell, "\"\"") == 0 || strcmp(cell, "0") == 0) return 0;
+    if (lg_csv_missing(cell) || strcmp(cell, "0") == 0) return 0;
     if (lg_number_parse(cell, &x) != LG_OK) return ALL_FORMS;
     (void)lg_format(digits[0], CELL, "%.17g", x);
     (void)lg_format(digits[1], CELL, "%.8e", x);
@@ -280,56 +280,53 @@ static unsigned lacking_forms(const char *cell) {
     return lacks;
 }
 
-/* Reads the next cell with its quotes; the rest of a long one is left out. Returns what ends it: a comma, a
- * line end or EOF. */
-static int read_cell(FILE *from, char cell[CELL]) {
-    bool quoted = false;
-    size_t n = 0;
-    int c;
-    while ((c = getc(from)) != EOF && (quoted || (c != ',' && c != '\n'))) {
-        quoted = quoted != (c == '"');
-        if (n < CELL - 1) cell[n++] = (char)c;
-    }
-    cell[n] = '\0';
-    return c;
-}
-
-/* Reads the rows that are left, and adds to lacks[c] each form that a cell of column c lacks. Returns false
- * if a row has too few or too many cells, or, with `strict`, if numbers of a column have no common form. */
-static bool read_rows(FILE *from, size_t columns, bool strict, unsigned *lacks, table_rows *rows) {
-    char cell[CELL];
-    for (*rows = (table_rows){0, 0};; rows->count++)
-        for (size_t c = 0; c < columns; c++) {
-            const int end = read_cell(from, cell);
-            if (end == EOF && c == 0 && cell[0] == '\0') return true;
-            const unsigned own = lacking_forms(cell), all = lacks[c] | own;
-            rows->longs += own != ALL_FORMS && strlen(cell) >= LONG;
-            if (end != (c + 1 < columns ? ',' : '\n') || (strict && all == ALL_FORMS && lacks[c] != all))
+/* Reads the rows that are left, and adds to lacks[c] each form that a cell of column c lacks. Cells in quotes
+ * or with blanks around them are texts. Returns false if a row has too few or too many cells, a quote inside
+ * a cell without quotes, or an end that lg_columns does not write. */
+static bool read_rows(lg_csv *from, size_t columns, unsigned *lacks, table_rows *rows) {
+    bool more = true;
+    for (*rows = (table_rows){0};; rows->count++) {
+        if (app_had_memory(lg_csv_next(from, &more, NULL)) != LG_OK || !more) return !more;
+        if (!from->closed || strlen(from->line) != from->length) return false;
+        char *begin = from->line, *next = begin, *cell;
+        for (size_t c = 0; c < columns; begin = next, c++) {
+            if (begin == NULL) return false;
+            const size_t bytes = strcspn(begin, ",");
+            if (lg_csv_cell(from, &next, &cell, NULL) != LG_OK ||
+                (!from->quoted && strchr(cell, '"') != NULL))
                 return false;
-            lacks[c] = all;
+            const unsigned own = bytes == (from->quoted ? 2 : strlen(cell)) ? lacking_forms(cell) : ALL_FORMS;
+            rows->longs += own != ALL_FORMS && bytes >= LONG;
+            lacks[c] |= own;
         }
+        if (begin != NULL) return false;
+    }
 }
 
 /* Returns whether the file has rows like those of the table `data` with the same header: as many cells,
  * numbers of the same form in each column of numbers, and long ones if `data` has some. If `data` has no
  * rows, all columns must hold numbers, and some must be long. */
 static bool has_such_rows(const char *path, const char *data, size_t bytes) {
-    char cell[CELL];
-    size_t columns = 1;
+    bool more, open;
     table_rows new, old;
-    FILE *made = fmemopen((void *)(uintptr_t)data, bytes, "rb"), *found = app_open(path);
-    if (made == NULL) app_out_of_memory();
-    while (read_cell(made, cell) == ',') columns++;
-    APP_FREE unsigned *lacks = app_alloc(columns, sizeof *lacks);
-    bool same = found != NULL && read_rows(made, columns, false, lacks, &new);
-    for (size_t c = 0; c < columns && same; c++) {
-        if (new.count == 0) lacks[c] = ALL_FORMS - FORM_17;
-        same = read_cell(found, cell) == (c + 1 < columns ? ',' : '\n');
-    }
-    same = same && read_rows(found, columns, true, lacks, &old) && old.count > 0 &&
+    APP_CLEAN(lg_csv_close) lg_csv made, found;
+    (void)app_had_memory(lg_csv_open_feed(NULL, -1, path, SIZE_MAX, NULL, NULL, &made, NULL));
+    made.from = fmemopen((void *)(uintptr_t)data, bytes, "rb");
+    if (made.from == NULL) app_out_of_memory();
+    (void)app_had_memory(lg_csv_next(&made, &more, NULL));
+    const size_t columns = lg_csv_count(made.line, ',', &open);
+    APP_FREE unsigned *lacks = app_alloc(2 * columns, sizeof *lacks);
+    bool same = app_had_memory(lg_csv_open(NULL, path, &found, NULL)) == LG_OK;
+    made.separator = found.separator = ',';
+    found.longest = SIZE_MAX;
+    same = same && app_had_memory(lg_csv_next(&found, &more, NULL)) == LG_OK &&
+           strcmp(made.line, found.line) == 0 && read_rows(&made, columns, lacks, &new) &&
+           read_rows(&found, columns, lacks + columns, &old) && old.count > 0 &&
            (old.longs > 0 || (new.longs == 0 && new.count > 0));
-    (void)fclose(made);
-    if (found != NULL) (void)fclose(found);
+    for (size_t c = 0; c < columns && same; c++) {
+        const unsigned own = new.count > 0 ? lacks[c] : ALL_FORMS - FORM_17;
+        same = own == ALL_FORMS || (own | lacks[columns + c]) != ALL_FORMS;
+    }
     return same;
 }
 

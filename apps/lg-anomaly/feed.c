@@ -6,10 +6,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "files/csv.h"
 #include "lg-anomaly/anomaly.h"
 
-/* LINE_BYTES: room for a line with a time, six numbers of at most 16 characters each, and commas. */
-enum { HOUR = 3600, LINE_BYTES = 32 + 17 * LG_RISER_CHANNELS };
+enum { HOUR = 3600 };
 /* Streams of the random number generator; they differ from the streams of the scene. */
 enum { STREAM_SEA = 0x66656564, STREAM_FAULTS = 0x6661756c };
 
@@ -39,19 +39,24 @@ static const lg_field feed_options[] = {
 
 static feed_values values = {.crack_at = NAN};
 
-/* Writes a number with nine significant digits, so that every float reads back exactly. Digits that end half
- * way between two numbers are rounded away from 0. */
-static char *put_float(char *at, float value) {
-    if (value == 0) return strcpy(at, "0") + 1;
-    return at + lg_format(at, 17, "%.8e", (double)value * (1 + DBL_EPSILON));
+/* Writes a line. The rate divides 10, so the times have one decimal. Nine significant digits let every float
+ * read back exactly; digits that end half way between two numbers are rounded away from 0. */
+static void put_line(lg_columns *to, double time, const float *sample) {
+    lg_text_add(lg_columns_cell(to), "%.1f", time);
+    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++)
+        if (sample[c] == 0)
+            lg_columns_whole(to, 0);
+        else
+            lg_text_add(lg_columns_cell(to), "%.8e", (double)sample[c] * (1 + DBL_EPSILON));
+    lg_columns_end(to);
 }
 
 /* ---- simulating an hour ---- */
 
 typedef struct hour {
     float *samples; /* (HOUR * rate, LG_RISER_CHANNELS) */
-    char *text;
-    size_t bytes, lines, gaps, nans;
+    lg_columns rows;
+    size_t lines, gaps, nans;
     lg_status status;
     lg_error error;
 } hour;
@@ -91,30 +96,23 @@ static void put_hour(const feeding *self, uint64_t index, uint64_t count, hour *
     const double per_sample = 1.0 / (86400.0 * (double)self->rate);
     const double mean = (values.gaps.count > 1 ? values.gaps.values[1] : 30) * (double)self->rate;
     uint64_t missing = 0;
-    char *at = out->text;
-    out->lines = out->gaps = out->nans = 0;
+    out->rows.row = out->lines = out->gaps = out->nans = 0;
     for (uint64_t i = 0; i < count; i++) {
         if (missing == 0 && lg_rng_uniform(&rng) < values.gaps.values[0] * per_sample) {
             missing = 1 + (uint64_t)(-mean * log(1 - lg_rng_uniform(&rng)));
             out->gaps++;
         }
         const bool hole = lg_rng_uniform(&rng) < values.nan * per_sample;
-        const uint64_t where = hole ? lg_rng_below(&rng, LG_RISER_CHANNELS) : LG_RISER_CHANNELS;
+        float *sample = out->samples + i * LG_RISER_CHANNELS;
+        if (hole) sample[lg_rng_below(&rng, LG_RISER_CHANNELS)] = NAN;
         if (missing > 0) {
             missing--;
             continue;
         }
         out->nans += hole;
         out->lines++;
-        const double time = (double)(index * HOUR * self->rate + i) / (double)self->rate;
-        at += lg_format(at, 32, "%.1f", time); /* the rate divides 10 */
-        for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) {
-            *at++ = ',';
-            at = put_float(at, c == where ? NAN : out->samples[i * LG_RISER_CHANNELS + c]);
-        }
-        *at++ = '\n';
+        put_line(&out->rows, (double)(index * HOUR * self->rate + i) / (double)self->rate, sample);
     }
-    out->bytes = (size_t)(at - out->text);
 }
 
 static void make_hour(void *user, size_t slot) {
@@ -152,25 +150,26 @@ static lg_status file_failed(lg_error *error) {
 
 /* Opens the sink and writes the line of names. */
 static lg_status sink_open(const app *self, const char *path, sink *out, lg_error *error) {
+    static const float ones[LG_RISER_CHANNELS] = {1, 1, 1, 1, 1, 1};
     struct stat information;
-    char head[64 * (LG_RISER_CHANNELS + 1)] = "time", row[sizeof head] = "0.1";
-    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) {
-        lg_append(head, sizeof head, ",%s", lg_riser_channel(c));
-        lg_append(row, sizeof row, ",%.8e", 1.0);
-    }
-    lg_append(head, sizeof head, "\n");
-    APP_FREE char *like = app_format("%s%s\n", head, row);
+    lg_columns like = {.text = app_text()};
+    lg_columns_name(&like, "time");
+    for (uint32_t c = 0; c < LG_RISER_CHANNELS; c++) lg_columns_name(&like, lg_riser_channel(c));
+    lg_columns_end(&like);
+    const size_t head = like.row;
+    put_line(&like, 0.1, ones);
+    APP_FREE char *text = like.text.data;
     *out = (sink){.stream = stdout, .temporary = {.fd = -1}};
     if (path != NULL && stat(path, &information) == 0 && !S_ISREG(information.st_mode)) {
         out->stream = fopen(path, "we");
     } else if (path != NULL) {
-        LG_TRY(lg_may_replace(self->context, path, like, strlen(like), error));
+        LG_TRY(lg_may_replace(self->context, path, text, like.row, error));
         LG_TRY(lg_temporary_create(self->context, path, false, &out->temporary, error));
         out->stream = fdopen(dup(out->temporary.fd), "w");
     }
     /* without a buffer, so that nothing is left to write to a pipe that nobody reads */
     const bool ready = out->stream != NULL && setvbuf(out->stream, NULL, _IONBF, 0) == 0;
-    return ready && fputs(head, out->stream) >= 0 ? LG_OK : file_failed(error);
+    return ready && fwrite(text, 1, head, out->stream) == head ? LG_OK : file_failed(error);
 }
 
 /* Closes the sink. The file appears under its name only if `status`, the status of the writes, is LG_OK. */
@@ -200,16 +199,17 @@ static void report(const feeding *feed, double seconds) {
     app_result_real(out, "seconds", seconds, NULL);
 }
 
-static lg_status write_hour(feeding *feed, uint64_t index, const hour *h, const sink *to, lg_error *error) {
+static lg_status write_hour(feeding *feed, uint64_t index, hour *h, const sink *to, lg_error *error) {
     if (app_interrupted()) return LG_CANCELLED;
     if (h->status != LG_OK)
         return lg_fail(error, h->status, "hour %llu: %s", (unsigned long long)index,
                        app_sentence(h->status, &h->error));
-    if (fwrite(h->text, 1, h->bytes, to->stream) != h->bytes) return file_failed(error);
+    if (fwrite(h->rows.text.data, 1, h->rows.row, to->stream) != h->rows.row) return file_failed(error);
     feed->lines += h->lines;
     feed->gaps += h->gaps;
     feed->nans += h->nans;
-    feed->bytes += h->bytes;
+    feed->bytes += h->rows.row;
+    lg_text_destroy(&h->rows.text);
     return LG_OK;
 }
 
@@ -240,7 +240,7 @@ static void feeding_create(const app *self, feeding *out) {
     out->hours = app_keep(out->crew, sizeof *out->hours);
     for (size_t i = 0; i < out->crew; i++) {
         out->hours[i].samples = app_keep(HOUR * out->rate * LG_RISER_CHANNELS, sizeof(float));
-        out->hours[i].text = app_keep(HOUR * out->rate, LINE_BYTES);
+        out->hours[i].rows.text = app_text();
     }
 }
 

@@ -76,7 +76,7 @@ static char *skip_blanks(const sample_reader *reader, char *p) {
 
 /* Returns the end of a word that stands for a missing number, such as nan, or NULL. */
 static const char *scan_word(const sample_reader *reader, const char *p) {
-    static const char *const words[] = {"nan", "inf", "infinity", "na", "n/a", "null", "none"};
+    static const char *const words[] = {LG_MISSING_WORDS, "none", "inf", "infinity"};
     p += *p == '-' || *p == '+';
     for (size_t i = 0; i < LG_COUNT(words); i++) {
         const size_t length = strlen(words[i]);

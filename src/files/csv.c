@@ -13,7 +13,8 @@
 
 #include "liegrad/settings.h"
 
-#define CR_ALONE "has lines that end with a carriage return alone (CR): let them end with a newline (LF)"
+#define OPEN_QUOTE "a quote is not closed: end the cell with a quote, and double the quotes inside it"
+#define CR_ALONE   "has lines that end with a carriage return alone (CR): let them end with a newline (LF)"
 enum { BLOCK = 1 << 16, LONGEST_LINE = 1 << 20, FIRST_LINE = 1 << 12 };
 
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what) {
@@ -31,7 +32,8 @@ static bool fill(lg_csv *c) {
     ssize_t got = -1;
     while (got < 0 && !c->ended) {
         c->ended = c->wait != NULL && !c->wait(c->user);
-        if (!c->ended) got = read(c->file, c->block, BLOCK);
+        if (!c->ended)
+            got = c->file < 0 ? (ssize_t)fread(c->block, 1, BLOCK, c->from) : read(c->file, c->block, BLOCK);
         if (got < 0 && !c->ended && errno != EINTR && errno != EAGAIN) c->failure = errno;
         c->ended = c->ended || got == 0 || c->failure != 0;
     }
@@ -54,9 +56,10 @@ static lg_status take_bytes(lg_csv *c, const char *from, size_t count, bool quot
         c->cut = c->room >= c->longest;
         if (c->cut && c->wait == NULL)
             return lg_csv_fail(c, error,
-                               quoted                                     ? "a quote is not closed"
-                               : memchr(c->line, '\r', c->length) != NULL ? CR_ALONE
-                                                                          : "is longer than a million bytes");
+                               quoted ? OPEN_QUOTE
+                               : memchr(c->line, '\r', c->length) != NULL
+                                   ? CR_ALONE
+                                   : "is longer than a million bytes: end rows with a newline");
         if (!c->cut) LG_TRY(widen(c, error));
     }
     if (c->cut) return LG_OK;
@@ -69,7 +72,7 @@ static lg_status take_bytes(lg_csv *c, const char *from, size_t count, bool quot
                 strncmp(c->line, "PK", 2) == 0
                     ? "is not text: it begins as a zip file; from .npz save one array as .npy (numpy.save)"
                     : "is not text: it has a zero byte, so it is no CSV in UTF-8, and it does not begin "
-                      "as HDF5 or an array of numpy (.npy)");
+                      "as HDF5 or an array of numpy (.npy): save it as one of these");
     c->length += count;
     if (c->number == 1 && c->length >= 3 && memcmp(c->line, "\xef\xbb\xbf", 3) == 0) {
         c->length -= 3;
@@ -105,10 +108,11 @@ lg_status lg_csv_next(lg_csv *c, bool *more, lg_error *error) {
     }
     if (c->failure != 0)
         return lg_fail(error, LG_FILE, "%s: cannot be read: %s", c->shown, strerror(c->failure));
-    if (quoted && c->lines > c->number) return lg_csv_fail(c, error, "a quote is not closed");
+    if (quoted && c->lines > c->number) return lg_csv_fail(c, error, OPEN_QUOTE);
     *more = c->closed || c->length > 0 || c->cut;
-    for (; c->length > 0 && c->line[c->length - 1] == '\r'; c->length--) c->closed = true;
-    c->line[c->length] = '\0';
+    size_t end = c->length;
+    for (; end > 0 && c->line[end - 1] == '\r'; end--) c->closed = true;
+    c->line[end] = '\0';
     return LG_OK;
 }
 
@@ -162,7 +166,7 @@ static lg_status unquote(const lg_csv *c, char **at, lg_error *error) {
         from += *from == '"';
         *to++ = *from;
     }
-    if (*from == '\0') return lg_csv_fail(c, error, "a quote is not closed");
+    if (*from == '\0') return lg_csv_fail(c, error, OPEN_QUOTE);
     *at = from + 1;
     memset(to, '\0', (size_t)(from - to) + 1);
     return LG_OK;
@@ -178,7 +182,8 @@ lg_status lg_csv_cell(lg_csv *c, char **at, char **cell, lg_error *error) {
         LG_TRY(unquote(c, &end, error));
         while (is_space(c, *end)) end++;
         if (*end != '\0' && *end != c->separator)
-            return lg_csv_fail(c, error, "text follows a closing quote");
+            return lg_csv_fail(c, error,
+                               "text follows a closing quote: quote the whole cell, and double quotes in it");
     } else {
         while (*end != '\0' && *end != c->separator) end++;
         for (char *last = end; last > *cell && is_space(c, last[-1]); last--) last[-1] = '\0';
@@ -192,7 +197,8 @@ lg_status lg_csv_name(lg_csv *c, char **at, char **name, lg_error *error) {
     LG_TRY(lg_csv_cell(c, at, name, error));
     for (const char *byte = *name; *byte != '\0' && !c->quoted; byte++)
         if ((unsigned char)*byte < ' ')
-            return lg_csv_fail(c, error, "is not a header: it has control characters");
+            return lg_csv_fail(c, error,
+                               "is not a header: it has control characters; put the name in quotes");
     return LG_OK;
 }
 
@@ -306,11 +312,11 @@ static lg_status check_header(lg_csv *c, lg_error *error) {
     if (take_a_comment(c) || named) return LG_OK;
     if (c->comments == 0)
         return lg_csv_fail(c, error,
-                           "has numbers where the names of the columns are expected: there is no header");
+                           "has numbers where names of columns are expected: there is no header; write one");
     return lg_fail(
         error, LG_FORMAT,
-        "%s: line %zu: has numbers where the names of the columns are expected: there is no header, "
-        "and the comment in line %zu has not one name for each of the %zu columns",
+        "%s: line %zu: has numbers where names of columns are expected: there is no header, and the "
+        "comment in line %zu has not one name for each of the %zu columns; write one",
         c->shown, c->number, c->comment[c->comments - 1].number, c->cells);
 }
 
@@ -318,30 +324,28 @@ lg_status lg_csv_header(lg_csv *c, lg_error *error) {
     bool more = true, open = false;
     for (;;) {
         LG_TRY(lg_csv_next(c, &more, error));
-        if (!more)
-            return lg_csv_fail(c, error, "is empty: a header with the names of the columns is expected");
+        if (!more) return lg_csv_fail(c, error, "is empty: write the names of the columns in the first line");
         if (lg_csv_comment(c->line) > 0) LG_TRY(keep_comment(c, error));
         if (!is_empty(c)) break;
     }
     if (strchr(c->line, '\r') != NULL && strchr(c->line, '"') == NULL) return lg_csv_fail(c, error, CR_ALONE);
     c->separator = lg_csv_separator(c->line, ',');
     c->cells = lg_csv_count(c->line, c->separator, &open);
-    if (open) return lg_csv_fail(c, error, "a quote is not closed");
+    if (open) return lg_csv_fail(c, error, OPEN_QUOTE);
     if (c->cells == 1 && c->comments > 0) LG_TRY(split_blanks(c, error));
     return check_header(c, error);
 }
 
 /* ---- writing ---- */
 
-/* Begins a cell. */
-static lg_text *cell_of(lg_columns *to) {
+lg_text *lg_columns_cell(lg_columns *to) {
     if (to->open) lg_text_append(&to->text, ",", 1);
     to->open = true;
     return &to->text;
 }
 
 static void put_text(lg_columns *to, const char *text, bool name) {
-    lg_text *out = cell_of(to);
+    lg_text *out = lg_columns_cell(to);
     const size_t length = strlen(text);
     bool plain = !lg_csv_missing(text) && strpbrk(text, ",;\"#") == NULL && lg_csv_comment(text) == 0 &&
                  text[0] != ' ' && text[length - 1] != ' ' && !(name && lg_is_decimal(text)) &&
@@ -353,7 +357,7 @@ static void put_text(lg_columns *to, const char *text, bool name) {
 }
 
 void lg_columns_names(lg_columns *to, const char *names) {
-    lg_text_append(cell_of(to), names, strlen(names));
+    lg_text_append(lg_columns_cell(to), names, strlen(names));
 }
 
 void lg_columns_name(lg_columns *to, const char *name) {
@@ -365,12 +369,12 @@ void lg_columns_text(lg_columns *to, const char *text) {
 }
 
 void lg_columns_whole(lg_columns *to, uint64_t value) {
-    lg_text_add(cell_of(to), "%" PRIu64, value);
+    lg_text_add(lg_columns_cell(to), "%" PRIu64, value);
 }
 
 void lg_columns_number(lg_columns *to, double value) {
     char text[LG_SHORTEST];
-    lg_text *out = cell_of(to);
+    lg_text *out = lg_columns_cell(to);
     if (!isfinite(value) && !to->words) return;
     if (to->shortest)
         lg_format_shortest(text, value, false);
@@ -384,7 +388,7 @@ void lg_columns_numbers(lg_columns *to, const double *values, size_t count) {
 }
 
 void lg_columns_empty(lg_columns *to) {
-    (void)cell_of(to);
+    (void)lg_columns_cell(to);
 }
 
 void lg_columns_end(lg_columns *to) {
@@ -410,14 +414,16 @@ lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error) {
     const size_t cells = lg_csv_count(c->line, c->separator, &open);
     *cut = !c->closed && (cells < c->cells || c->ours);
     if (*cut) return LG_OK;
-    if (open) return lg_csv_fail(c, error, "a quote is not closed");
+    if (open) return lg_csv_fail(c, error, OPEN_QUOTE);
     if (cells == c->cells) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: line %zu: has %zu cells, the header has %zu", c->shown, c->number,
-                   cells, c->cells);
+    return lg_fail(error, LG_FORMAT,
+                   "%s: line %zu: has %zu cells, the header has %zu" LG_CSV_EMPTY
+                   ", and put those with a separator in quotes",
+                   c->shown, c->number, cells, c->cells);
 }
 
 bool lg_csv_missing(const char *cell) {
-    static const char *const missing[] = {"", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null"};
+    static const char *const missing[] = {"", "-nan", LG_MISSING_WORDS};
     for (size_t i = 0; i < LG_COUNT(missing); i++)
         if (strcmp(cell, missing[i]) == 0) return true;
     return false;
@@ -425,23 +431,17 @@ bool lg_csv_missing(const char *cell) {
 
 /* ---- the file ---- */
 
-lg_status lg_csv_open(const lg_context *context, const char *path, const char *what, lg_csv *c,
-                      lg_error *error) {
+lg_status lg_csv_open(const lg_context *context, const char *path, lg_csv *c, lg_error *error) {
     uint64_t bytes;
-    FILE *from = NULL;
-    *c = (lg_csv){.context = context};
-    if (*path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a %s needs a name", what);
-    LG_TRY(lg_read_open(path, &from, &bytes, error));
-    const lg_status status =
-        lg_csv_open_feed(context, fileno(from), path, LONGEST_LINE, NULL, NULL, c, error);
-    c->from = from;
-    return status;
+    LG_TRY(lg_csv_open_feed(context, -1, path, LONGEST_LINE, NULL, NULL, c, error));
+    LG_TRY(lg_read_open(path, &c->from, &bytes, error));
+    c->file = fileno(c->from);
+    return LG_OK;
 }
 
 lg_status lg_csv_open_feed(const lg_context *context, int file, const char *name, size_t longest,
                            bool (*wait)(void *user), void *user, lg_csv *c, lg_error *error) {
     *c = (lg_csv){.context = context,
-                  .path = name,
                   .shown = lg_shown_path(name),
                   .file = file,
                   .room = FIRST_LINE,

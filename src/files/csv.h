@@ -17,10 +17,10 @@
 
 typedef struct lg_csv {
     const lg_context *context;
-    const char *path, *shown;
+    const char *shown;  /* the path in messages */
     FILE *from;         /* NULL if another descriptor is read */
-    int file;           /* descriptor */
-    char *block, *line; /* line: the current line, terminated */
+    int file;           /* descriptor; -1: `from` has none, as a text in memory */
+    char *block, *line; /* line: the current line, terminated; length: with carriage returns at its end */
     size_t block_used, block_at, length, room, longest;
     size_t number, lines; /* number of the current line, from 1, and of the last one that was read */
     int failure;          /* errno of reading, or 0 */
@@ -45,10 +45,8 @@ typedef struct lg_csv {
         first_hidden; /* comments that look like rows: their number, and the line of the first one */
 } lg_csv;
 
-/* `what` names the kind of file in error messages: "log", "table". lg_csv_close may be called after a failure
- * too. */
-lg_status lg_csv_open(const lg_context *context, const char *path, const char *what, lg_csv *c,
-                      lg_error *error);
+/* lg_csv_close may be called after a failure too. */
+lg_status lg_csv_open(const lg_context *context, const char *path, lg_csv *c, lg_error *error);
 /* Opens a feed: lines of any kind, which are read from a descriptor as they come, with lg_csv_next. Each line
  * end ends a line, zero bytes become '?', and lines are cut at `longest` bytes. The caller closes `file`. */
 lg_status lg_csv_open_feed(const lg_context *context, int file, const char *name, size_t longest,
@@ -83,6 +81,8 @@ lg_status lg_csv_name(lg_csv *c, char **at, char **name, lg_error *error);
 lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error);
 #define LG_CSV_EMPTY                                                                                         \
     "; leave cells without a value empty" /* ends messages about text in a column of numbers */
+/* Words for a missing number; in a feed in any case, with or without a sign. */
+#define LG_MISSING_WORDS "nan", "NaN", "NAN", "NA", "N/A", "null"
 bool lg_csv_missing(const char *cell);
 /* Fails with the message "FILE: line N: `what`". */
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what);
@@ -99,6 +99,8 @@ typedef struct lg_columns {
     bool shortest; /* numbers have the fewest digits that read back as the same number; otherwise 17 */
 } lg_columns;
 
+/* Begins a cell and returns the text, to which the caller adds the cell. It must not need quotes. */
+lg_text *lg_columns_cell(lg_columns *to);
 /* Adds several cells of the header, such as "t,x,y". None of the names may need quotes. */
 void lg_columns_names(lg_columns *to, const char *names);
 /* Add a cell, in quotes if it needs them, so that the functions above read the same text. A name is a cell of

@@ -40,7 +40,8 @@ lg_status lg_frame_fail(const lg_frame *f, size_t row, const char *column, lg_er
 
 lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error) {
     if (f->columns == LG_FRAME_MOST_COLUMNS)
-        return lg_fail(error, LG_FORMAT, "%s: has more than %d columns", f->shown, LG_FRAME_MOST_COLUMNS);
+        return lg_fail(error, LG_FORMAT, "%s: has more than %d columns: remove some", f->shown,
+                       LG_FRAME_MOST_COLUMNS);
     if (f->columns == f->name_room) {
         const size_t room = f->name_room == 0 ? FIRST_NAMES : 2 * f->name_room;
         char **wider = lg_widen(f->context, f->name, f->columns, room, sizeof *wider);
@@ -79,8 +80,8 @@ static lg_status find_want(lg_frame *f, const lg_lookup *sorted, lg_frame_want *
     const bool text = want->as == LG_FRAME_TEXT || want->as == LG_FRAME_CELL;
     size_t *to = text ? &use->text : &use->value;
     if (*to > 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: column '%s' is requested twice", f->shown,
-                       f->name[at]);
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s: column '%s' is requested twice: name it once",
+                       f->shown, f->name[at]);
     want->first = text ? f->texts++ : f->width++;
     *to = 1 + want->first;
     want->clock = (lg_clock){.format = LG_TIME_NONE};
@@ -93,7 +94,8 @@ static lg_status find_want(lg_frame *f, const lg_lookup *sorted, lg_frame_want *
 static lg_status check_order(const lg_frame *f, lg_error *error) {
     for (uint32_t i = 0; i < f->columns; i++)
         if (i == f->wants || strcmp(f->name[i], f->want[i].name) != 0)
-            return lg_frame_fail(f, 0, NULL, error, "this is not the %s: column %u is '%s', expected: %s",
+            return lg_frame_fail(f, 0, NULL, error,
+                                 "this is not the %s: column %u is '%s', expected: %s; write to another file",
                                  f->what, i + 1, lg_tamed(f->name[i]),
                                  i == f->wants ? "no further column" : f->want[i].name);
     return LG_OK;
@@ -123,7 +125,7 @@ static bool widen(const lg_frame *f, void **array, size_t room, size_t columns, 
 lg_status lg_frame_reserve(lg_frame *f, size_t rows, lg_error *error) {
     if (rows <= f->room && f->line != NULL) return LG_OK;
     if (f->before + rows > UINT32_MAX)
-        return lg_fail(error, LG_FORMAT, "%s: has 2^32 rows or more", f->shown);
+        return lg_fail(error, LG_FORMAT, "%s: has 2^32 rows or more: split it into several files", f->shown);
     const size_t twice = f->room == 0 ? 1 + FIRST_NUMBERS / (f->width + f->texts + 1) : 2 * f->room;
     const size_t room = rows > twice || rows > 1 + f->rows ? rows : twice;
     if (!widen(f, (void **)&f->value, room, f->width, sizeof *f->value) ||
@@ -135,7 +137,6 @@ lg_status lg_frame_reserve(lg_frame *f, size_t rows, lg_error *error) {
 }
 
 lg_status lg_frame_number_rows(lg_frame *f, size_t most, uint64_t left, lg_error *error) {
-    if (left > UINT32_MAX) return lg_fail(error, LG_FORMAT, "%s: has 2^32 rows or more", f->shown);
     const size_t rows = left < most ? (size_t)left : most;
     LG_TRY(lg_frame_reserve(f, rows, error));
     f->rows = rows;
@@ -151,7 +152,7 @@ static lg_status fail_rounded(const lg_frame *f, size_t row, uint32_t column, co
 static lg_status put_text(lg_frame *f, size_t row, uint32_t column, const char *text, lg_error *error) {
     const size_t length = strlen(text);
     if (length >= LG_FRAME_NAME)
-        return lg_frame_fail(f, row, f->name[column], error, "the text has more than %d bytes",
+        return lg_frame_fail(f, row, f->name[column], error, "the text has more than %d bytes: shorten it",
                              LG_FRAME_NAME - 1);
     memcpy(f->text[row * f->texts + f->use[column].text - 1], text, length + 1);
     return LG_OK;

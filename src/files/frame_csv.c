@@ -2,6 +2,8 @@
 #include "files/csv.h"
 #include "files/frame.h"
 
+#define QUOTE_INSIDE "a cell has a quote inside: put the cell in quotes, and double this one"
+
 static lg_status is_csv(const char *path, const unsigned char *first, size_t count, bool *is,
                         lg_error *error) {
     *is = true;
@@ -12,7 +14,7 @@ static lg_status open_csv(lg_frame *f, lg_error *error) {
     lg_csv *c = f->source = lg_alloc(f->context, 1, sizeof *c);
     char *cell = NULL;
     if (c == NULL) return lg_frame_no_memory(f, error);
-    LG_TRY(lg_csv_open(f->context, f->path, f->what, c, error));
+    LG_TRY(lg_csv_open(f->context, f->path, c, error));
     c->ours = f->ours;
     LG_TRY(lg_csv_header(c, error));
     f->header = c->number;
@@ -20,7 +22,7 @@ static lg_status open_csv(lg_frame *f, lg_error *error) {
         LG_TRY(lg_csv_name(c, &at, &cell, error));
         LG_TRY(lg_frame_add_name(f, cell, error));
     }
-    if (f->columns != c->cells) return lg_csv_fail(c, error, "a cell has a quote inside");
+    if (f->columns != c->cells) return lg_csv_fail(c, error, QUOTE_INSIDE);
     if (c->row != NULL)
         lg_name_list_add(&f->note, "the line is a comment: remove it if it does not hold the names");
     return lg_frame_find(f, error);
@@ -34,9 +36,7 @@ static lg_status read_row(lg_frame *f, lg_csv *c, lg_error *error) {
     LG_TRY(lg_frame_reserve(f, row + 1, error));
     f->line[row] = c->number;
     for (uint32_t i = 0; i < f->columns || at != NULL; i++) {
-        if (i == f->columns || at == NULL)
-            return lg_csv_fail(c, error,
-                               "a cell has a quote inside: put the cell in quotes, and double this one");
+        if (i == f->columns || at == NULL) return lg_csv_fail(c, error, QUOTE_INSIDE);
         LG_TRY(lg_csv_cell(c, &at, &cell, error));
         LG_TRY(lg_frame_put_cell(f, row, i, cell, c->quoted, error));
     }

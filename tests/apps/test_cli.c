@@ -450,7 +450,7 @@ TEST("damaged rows of a study are found, whether this grid has their run or not;
                    {"2s/^\\([^,]*,[^,]*\\),[^,]*/\\1,77x/", "line 2: column N: '77x' is not a number"},
                    {"2s/^\\([^,]*,[^,]*\\),[^,]*/\\1,/", "line 2: column N: is empty"},
                    {"2s/^\\(.*,.*,.*,.*\\),[^,]*,[^,]*,[^,]*$/\\1,zz,ok,p/", "line 2: column epochs: 'zz'"},
-                   {"2s/,[^,]*$//", "line 2: has 14 cells, the header has 15"},
+                   {"2s/,[^,]*$//", "line 2: has 14 cells, the header has 15; leave cells without"},
                    {"2s/^/\\n/", "line 2: is blank or a comment"},
                    {"1s/^/# mine\\n/", "line 2: comes after other lines"}};
     for (size_t i = 0; i < LG_COUNT(damages); i++) {

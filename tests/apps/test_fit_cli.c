@@ -854,7 +854,7 @@ static const odd odds[] = {
     {"a,b,y\n1,2,3\n4,inf,6\n", "", 3, "line 3: column b: 'inf' is not a number"},
     {"a,b,y\n1,2,3\n4,1e999,6\n", "", 3, "line 3: column b: '1e999' is not a finite number"},
     {"a,b,y\n1,0x10,3\n4,5,6\n", "", 3, "'0x10' is not a number"},
-    {"1,2,3\n4,5,6\n7,8,9\n", "", 3, "line 1: has numbers where the names"},
+    {"1,2,3\n4,5,6\n7,8,9\n", "", 3, "line 1: has numbers where names"},
     {"5.1,3.5,setosa\n4.9,3,setosa\n", "", 3, "there is no header"},
     {"a,a,y\n1,2,3\n4,5,6\n", "", 3, "two columns 'a': rename one of them; --without a leaves out"},
     {"a,b,y\n1,2,3\n4,5,6\n", "--inputs a,q", 3, "there is no column 'q'; the columns are: a, b, y"},

@@ -307,6 +307,28 @@ printf 'y\nmy only data\n' >$in/words.csv
 printf 'y\n0.1\n0.7\n' >$in/numbers.csv
 for mine in words numbers; do refuses p.csv "$work/in/$mine.csv" lg-fit predict $in/fit.h5 $in/table.csv --out p.csv; done
 
+# Spellings of other programs: blanks around a number, a number in quotes, carriage returns, no last line end, one
+# cell more or less, a line without cells, text behind a quote.
+fresh
+command lg-identify predict $in/body.h5 $in/log.csv --out p.csv
+for change in '2s/^/ /' '2s/$/ /' '2s/,/ ,/' '2s/,/,\t/' '2s/^[^,]*/"&"/' '2s/^[^,]*/ ""/' '2s/$/\r/' '2,$s/$/\r/' '$s/$/,1/' \
+    '$s/,[^,]*$//' '3s/.*//' '3s/^/\n/' '3s/^/# /' '2s/^/"a"b/' '2s/[0-9]$/&0/'; do
+    sed "$change" p.csv >$in/changed.csv
+    ! cmp -s p.csv $in/changed.csv || fail "$change: changes nothing"
+    cp p.csv kept.csv
+    refuses p.csv $in/changed.csv lg-identify predict $in/body.h5 $in/log.csv --out p.csv
+    mv kept.csv p.csv
+done
+printf %s "$(cat p.csv)" >$in/changed.csv
+cp p.csv kept.csv
+refuses p.csv $in/changed.csv lg-identify predict $in/body.h5 $in/log.csv --out p.csv
+mv kept.csv p.csv
+for change in '2s/^[^,]*//' '2s/^[^,]*/""/' '2s/^[^,]*/nan/' '$d'; do
+    sed -i "$change" p.csv
+    command lg-identify predict $in/body.h5 $in/log.csv --out p.csv
+    case $found$said in 0*p.csv:\ replaces*) ;; *) fail "$change: an earlier result is not replaced: code $found: $said" ;; esac
+done
+
 # A link to an earlier result stays, also where the rows of the file are written one by one.
 keeps_link() {
     local name=$1

@@ -238,7 +238,8 @@ TEST("headers and cells of CSV files that are wrong are refused with their line"
     const struct {
         const char *text, *class_column, *word; /* word NULL: the table is read */
     } rows[] = {
-        {"1,2,3\n4,5,6\n", NULL, "line 1: has numbers where the names of the columns are expected"},
+        {"1,2,3\n4,5,6\n", NULL,
+         "line 1: has numbers where names of columns are expected: there is no header; write one"},
         {"x,2\n4,5\n", NULL, "line 1: has numbers where"},
         {"x,y,2\n4,5,6\n", NULL, NULL},
         {"x,\"y\n4,5\n", NULL, "line 1: a quote is not closed"},

@@ -20,7 +20,7 @@ static const char *read_row(const char *text, size_t bytes) {
     assert_int_equal(fclose(file), 0);
     error = (lg_error){LG_OK, ""};
     lg_status status;
-    while (lg_test_again(status = lg_csv_open(NULL, path, "table", &c, &error))) lg_csv_close(&c);
+    while (lg_test_again(status = lg_csv_open(NULL, path, &c, &error))) lg_csv_close(&c);
     if (status == LG_OK) status = lg_csv_header(&c, &error);
     if (status == LG_OK) status = lg_csv_line(&c, &more, &error);
     if (status == LG_OK) status = lg_csv_check_row(&c, &cut, &error);
@@ -34,16 +34,22 @@ TEST("quotes that are not closed and lines of more than a million bytes are refu
     static const struct {
         const char *text, *says;
     } rows[] = {{"a,b\n\"1,\"\"2\",3\n", ""},
-                {"a,b\n\"1,2\n", "line 2: a quote is not closed"},
-                {"a,b\n1\"2,\"3,4\n", "line 2: a quote is not closed"},
-                {"a,b\n\"1\"2,3\n", "line 2: text follows a closing quote"}};
+                {"a,b\n\"1,2\n",
+                 "line 2: a quote is not closed: end the cell with a quote, and double the quotes inside"},
+                {"a,b\n1\"2,\"3,4\n",
+                 "line 2: a quote is not closed: end the cell with a quote, and double the quotes inside"},
+                {"a,b\n\"1\"2,3\n",
+                 "line 2: text follows a closing quote: quote the whole cell, and double quotes in it"},
+                {"a,b\n1\n", "line 2: has 1 cells, the header has 2; leave cells without a value empty, and "
+                             "put those with a separator in quotes"},
+                {"# a\n", "line 2: is empty: write the names of the columns in the first line"}};
     for (size_t i = 0; i < LG_COUNT(rows); i++)
         assert_says(read_row(rows[i].text, strlen(rows[i].text)), rows[i].says);
     enum { LONG = 3 << 19 };
     char *text = lg_test_memory(LONG);
     memset(text, ' ', LONG);
     memcpy(text, "a,b\n", 4);
-    assert_says(read_row(text, LONG), "line 2: is longer than a million bytes");
+    assert_says(read_row(text, LONG), "line 2: is longer than a million bytes: end rows with a newline");
     text[100] = '\r';
     assert_says(read_row(text, LONG), "line 2: has lines that end with a carriage return alone (CR)");
     text[100] = ' ';
@@ -60,7 +66,7 @@ static const char *cells_of(const char *text) {
     bool more = false;
     all[0] = '\0';
     write_text_to(scratch_path("rows.csv"), text);
-    lg_status status = lg_csv_open(NULL, scratch_path("rows.csv"), "table", &c, &error);
+    lg_status status = lg_csv_open(NULL, scratch_path("rows.csv"), &c, &error);
     if (status == LG_OK) status = lg_csv_header(&c, &error);
     for (int k = 0; k < 2 && status == LG_OK; k++) {
         lg_append(all, sizeof all, "%zu:", c.number);
@@ -93,8 +99,8 @@ TEST("a header in a comment is read if it has a name for each column, as numpy w
         {"# \"t, s\",x\n0,1\n", "1:[t, s][x]2:[0][1]"},
         {"# t\n5.5\n", "1:[t]2:[5.5]"},
         {"#\n5.5\n",
-         "failed: @: line 2: has numbers where the names of the columns are expected: there is no header, "
-         "and the comment in line 1 has not one name for each of the 1 columns"},
+         "failed: @: line 2: has numbers where names of columns are expected: there is no header, "
+         "and the comment in line 1 has not one name for each of the 1 columns; write one"},
         {"# a note\nt,x\n0,1\n", "2:[t][x]3:[0][1]"},
         {"# t,x,u\n# s,m,N\n0,1,2\n", "1:[t][x][u]3:[0][1][2]"},
         {"# t,x,u\n# second comment line\n0,1,2\n", "1:[t][x][u]3:[0][1][2]"},
@@ -113,14 +119,15 @@ TEST("a header in a comment is read if it has a name for each column, as numpy w
         {"# wind speed\n0\n5\n", "2:[0]3:[5]"},
         {"wind speed\n5\n", "1:[wind speed]2:[5]"},
         {"3,1\n5,6\n",
-         "failed: @: line 1: has numbers where the names of the columns are expected: there is no "
-         "header"},
+         "failed: @: line 1: has numbers where names of columns are expected: there is no header; write one"},
+        {"a,\1\n1,2\n",
+         "failed: @: line 1: is not a header: it has control characters; put the name in quotes"},
         {"# a,b,c\n3,1\n",
-         "failed: @: line 2: has numbers where the names of the columns are expected: there is "
-         "no header, and the comment in line 1 has not one name for each of the 2 columns"},
+         "failed: @: line 2: has numbers where names of columns are expected: there is "
+         "no header, and the comment in line 1 has not one name for each of the 2 columns; write one"},
         {"# 1,2\n3,1\n",
-         "failed: @: line 2: has numbers where the names of the columns are expected: there is "
-         "no header, and the comment in line 1 has not one name for each of the 2 columns"},
+         "failed: @: line 2: has numbers where names of columns are expected: there is "
+         "no header, and the comment in line 1 has not one name for each of the 2 columns; write one"},
     };
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const char *at = strchr(rows[i].cells, '@');
@@ -186,7 +193,7 @@ TEST("lines, quotes and byte order marks may lie anywhere in the blocks that are
         const size_t before = BLOCK - sizeof row + shift - AROUND; /* bytes of a comment before the rest */
         (void)snprintf(text, sizeof text, "\xef\xbb\xbf#%*s\n%s", (int)before - 5, "", row + 3);
         write_text_to(scratch_path("rows.csv"), text);
-        lg_status status = lg_csv_open(NULL, scratch_path("rows.csv"), "table", &c, &error);
+        lg_status status = lg_csv_open(NULL, scratch_path("rows.csv"), &c, &error);
         if (status == LG_OK) status = lg_csv_header(&c, &error);
         if (status == LG_OK && strcmp(c.line, "a,\"b\n\"\"c\"") != 0) fail_msg("%zu: '%s'", shift, c.line);
         if (status == LG_OK) assert_int_equal(c.number, 4);

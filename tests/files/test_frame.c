@@ -240,7 +240,7 @@ TEST("columns that do not belong together are rejected with file, row and column
     } rows[] = {
         {{{.name = "e"}, {.name = "t"}}, "sets.h5: /t: has 12 rows, but /e has 11"},
         {{{.name = "e"}, {.name = "x"}}, "there is no column 'x'; the columns are: e, far0, far1"},
-        {{{.name = "e"}, {.name = "e"}}, "column 'e' is requested twice"},
+        {{{.name = "e"}, {.name = "e"}}, "column 'e' is requested twice: name it once"},
         {{{.name = "e"}, {.name = "far3"}}, "row 2: column far3: the value is infinite"},
     };
     const char *path = fresh_copy("sets.h5", write_sets);
@@ -327,7 +327,7 @@ TEST("a message about a bad file says what was found and what to do") {
         {NULL, 1, "empty", "; /empty is empty"},
         {NULL, 1, "packed", "; /packed is packed (scale_factor, add_offset): write the values themselves"},
         {BYTES("n,t,x,y\n0,1,2,3\nx\",\"a,b,c,d\",y\"\n"), "y",
-         "line 3: a cell has a quote inside: put the cell"},
+         "line 3: a cell has a quote inside: put the cell in quotes, and double this one"},
         {NPY("'<f2'"), "x",
          "values of type '<f2'; the types that can be read are f4, f8, i1 to i8, u1 to u8"},
         {NPY("'<f2'"), "x", "b1; convert with a.astype('f8')"},
@@ -351,7 +351,8 @@ TEST("a message about a bad file says what was found and what to do") {
          "line 2: column x: 'm' is not a number; leave cells without a value empty, and begin a line of "
          "units with #"},
         {BYTES("t,x\n0,1\ns,m\n"), "x", "line 3: column x: 'm' is not a number; leave cells without"},
-        {BYTES("t\0,\0x\0\n"), "x", NO_TEXT " or an array of numpy (.npy)"}, /* UTF-16 */
+        {BYTES("t\0,\0x\0\n"), "x",
+         NO_TEXT " or an array of numpy (.npy): save it as one of these"}, /* UTF-16 */
         {BYTES("PK\3\4\0"), "x", "is not text: it begins as a zip file; from .npz save one array as .npy"},
         {BYTES("t,x\r0,1\r2,3\r"), "x", "line 1: has lines that end with a carriage return alone (CR): let"},
         {BYTES("t,\"x\rm\"\n0,1\n"), "x", "there is no column 'x'"},
@@ -539,7 +540,8 @@ TEST(
         {"# note\na,b\nnan,1\n,2\n", NULL, 2},
         {"a\nnan\n\n\n", NULL, 1},
         {"a,b\nnan,1\nx,22", NULL, 1},
-        {"b,a\n1,nan\n", "line 1: this is not the table: column 1 is 'b', expected: a", 0},
+        {"b,a\n1,nan\n", "line 1: this is not the table: column 1 is 'b', expected: a; write to another file",
+         0},
         {"a,b,c\n1,2,3\n", "line 1: this is not the table: column 3 is 'c', expected: no further column", 0},
         {"a,b\n\nx,1\n", "line 2: is blank or a comment", 0},
         {"a,b\nx,1\n#\ny,2\n", "line 3: is blank or a comment", 0}};

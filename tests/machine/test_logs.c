@@ -147,7 +147,7 @@ TEST("a file that is not a log is refused with file, line and column") {
         {"t,q,v\n0,1,\n1,,1\n", "no row is complete", ""},
         {"t,q,v\n0,1,1\n1,1,1\n1,1,1\n", "line 4: column t: time does not increase", "1 after 1"},
         {"t,q,v\n0,1,1\n1,1,1\n0.5,1,1\n", "line 4", "columns: {run: ...}"},
-        {"t,q,v,a\"b,c\"d\n0,1,1,1\n", "line 1", "a cell has a quote inside"},
+        {"t,q,v,a\"b,c\"d\n0,1,1,1\n", "line 1", "a cell has a quote inside: put the cell in quotes"},
     };
     const lg_machine_file *f = machine(LINE);
     for (size_t i = 0; i < LG_COUNT(wrong); i++)
@@ -208,7 +208,7 @@ TEST("a file is a run, or a column names the runs") {
                  "the row names no run");
     write_text_to(paths[0], test_text("t,q,v,r\n0,1,0,%064d\n", 0));
     refuse_paths(machine("columns: {run: r}\n" LINE), paths, 1, LG_FORMAT,
-                 "column r: the text has more than 63 bytes", "");
+                 "column r: the text has more than 63 bytes: shorten it", "");
 }
 
 TEST("time steps longer than 1.4 medians, or longer than max_step, are gaps") {
