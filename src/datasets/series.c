@@ -111,13 +111,9 @@ static lg_status read_units(read_call *call, const char *name, uint32_t *out, lg
     if (out == NULL) return LG_OK;
     LG_CLEAN(lg_labels_destroy) lg_labels units = {.context = call->context};
     LG_TRY(lg_labels_read(call->h5, name, s->count, &units, error));
-    for (size_t i = 0; i < s->count; i++) {
-        const int64_t value = units.value != NULL ? units.value[i] : (int64_t)units.label[i];
-        if (value < 0 || value > UINT32_MAX)
-            return lg_fail(error, LG_FORMAT, "%s: /%s: is %lld at index (%zu), expected 0 to %u",
-                           lg_shown_path(call->path), name, (long long)value, i, UINT32_MAX);
-        out[i] = (uint32_t)value;
-    }
+    if (units.value != NULL)
+        return lg_h5_narrow(call->h5, name, units.value, s->count, UINT32_MAX, out, error);
+    memcpy(out, units.label, s->count * sizeof *out);
     return LG_OK;
 }
 

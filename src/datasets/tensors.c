@@ -60,10 +60,6 @@ static lg_status bad(const reading *r, lg_error *error, const char *name, const 
     return lg_fail(error, LG_FORMAT, "%s: tensor '%.64s': %s", lg_shown_path(r->path), name, what);
 }
 
-static lg_status no_memory(const reading *r, lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %s", lg_shown_path(r->path));
-}
-
 /* The value of a key; NULL: there is none. */
 static const yaml_node_t *value_of(const reading *r, const yaml_node_t *mapping, const char *key) {
     if (mapping->type != YAML_MAPPING_NODE) return NULL;
@@ -86,7 +82,7 @@ static lg_status check_keys(const reading *r, const yaml_node_t *mapping, const 
     if (mapping->type != YAML_MAPPING_NODE) return LG_OK;
     const yaml_node_pair_t *first = mapping->data.mapping.pairs.start;
     const size_t pairs = (size_t)(mapping->data.mapping.pairs.top - first);
-    LG_TRY_SCRATCH(lg_lookup, sorted, r->context, pairs, no_memory(r, error));
+    LG_TRY_SCRATCH(lg_lookup, sorted, r->context, pairs, lg_no_memory_for(r->path, error));
     for (size_t i = 0; i < pairs; i++) {
         sorted[i] = (lg_lookup){lg_node_text(lg_node_at(r->header, first[i].key), SIZE_MAX), i};
         if (sorted[i].name == NULL)
@@ -149,7 +145,7 @@ static lg_status take_all(reading *r, lg_error *error) {
     LG_TRY(check_keys(r, root, "the header", error));
     r->out->tensor = lg_alloc(r->context, pairs + 1, sizeof *r->out->tensor);
     r->places = lg_alloc(r->context, pairs + 1, sizeof *r->places);
-    if (r->out->tensor == NULL || r->places == NULL) return no_memory(r, error);
+    if (r->out->tensor == NULL || r->places == NULL) return lg_no_memory_for(r->path, error);
     for (yaml_node_pair_t *p = root->data.mapping.pairs.start; p < root->data.mapping.pairs.top; p++) {
         const char *name = lg_node_text(lg_node_at(r->header, p->key), SIZE_MAX);
         const yaml_node_t *about = lg_node_at(r->header, p->value);
@@ -201,7 +197,7 @@ static lg_status read_numbers(const reading *r, const place *p, lg_error *error)
     lg_tensor *t = p->tensor;
     const size_t bytes = types[p->type].bytes;
     t->values = lg_alloc(r->context, t->count > 0 ? t->count : 1, sizeof *t->values);
-    if (t->values == NULL) return no_memory(r, error);
+    if (t->values == NULL) return lg_no_memory_for(r->path, error);
     for (size_t at = 0, n; at < t->count; at += n) {
         n = t->count - at < CHUNK / bytes ? t->count - at : CHUNK / bytes;
         if (lg_cancelled(r->context)) return LG_CANCELLED;
@@ -226,7 +222,7 @@ static lg_status read_header(reading *r, lg_error *error) {
     bool fits = begun && length >= 2 && length <= MOST_HEADER && length <= r->bytes - sizeof first;
     if (fits) {
         r->text = lg_alloc(r->context, (size_t)length, 1);
-        if (r->text == NULL) return no_memory(r, error);
+        if (r->text == NULL) return lg_no_memory_for(r->path, error);
         fits = fread(r->text, 1, (size_t)length, r->from) == length && r->text[0] == '{';
     }
     if (ferror(r->from)) return lg_fail(error, LG_FILE, "%s: cannot be read", lg_shown_path(r->path));

@@ -31,49 +31,40 @@ static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name,
     LG_ID space = H5Aget_space(a->attribute);
     const hssize_t count = H5Sget_simple_extent_npoints(space);
     if (a->type < 0 || count < 0 || count > 1)
-        return attribute_error(h5, object, name, LG_FORMAT,
-                               count > 1 ? "has more than one value, expected one" : "cannot be read", error);
+        return attribute_error(
+            h5, object, name, LG_FORMAT,
+            count > 1 ? "has more than one value, expected one: write a scalar" : "cannot be read", error);
     a->single = count == 1;
     return LG_OK;
 }
 
-/* Reads a text of any string type. The result is terminated and has no padding. Only HDF5 may allocate
- * memory. */
-static lg_status read_text(lg_h5 *h5, const char *object, const char *name, const attribute *a, char *out,
-                           size_t size, lg_error *error) {
-    if (H5Tget_class(a->type) != H5T_STRING)
-        return attribute_error(h5, object, name, LG_FORMAT, "is not a text", error);
-    bool variable = H5Tis_variable_str(a->type) > 0, read = true;
-    char fixed[LG_H5_TEXT + 1] = "", *pointer = NULL;
-    const char *text = fixed;
-    if (!variable && H5Tget_size(a->type) > LG_H5_TEXT)
-        return attribute_error(h5, object, name, LG_SHAPE, "is too long", error);
-    if (variable && a->single) {
-        read = H5Aread(a->attribute, a->type, &pointer) >= 0;
-        if (pointer != NULL) text = pointer;
-    } else if (a->single) {
-        read = H5Aread(a->attribute, a->type, fixed) >= 0;
-        if (H5Tget_strpad(a->type) == H5T_STR_SPACEPAD)
-            for (size_t n = strlen(fixed); n > 0 && fixed[n - 1] == ' ';) fixed[--n] = '\0';
-    }
-    size_t length = strlen(text);
-    lg_status status = LG_OK;
-    if (!read)
-        status = attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
-    else if (length >= size)
-        status = attribute_error(h5, object, name, LG_SHAPE, "is too long", error);
-    else
-        memcpy(out, text, length + 1);
-    if (pointer != NULL) (void)H5free_memory(pointer);
-    return status;
+typedef struct text_call {
+    lg_h5 *h5;
+    const char *object, *name;
+    char *out;
+    size_t size;
+} text_call;
+
+static lg_status copy_text(void *user, uint64_t index, const char *text, lg_error *error) {
+    const text_call *call = user;
+    const size_t length = strlen(text);
+    if (length >= call->size)
+        return attribute_error(call->h5, call->object, call->name, LG_SHAPE, "is too long", error);
+    memcpy(call->out, text, length + 1);
+    return LG_OK;
 }
 
 lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size,
                      lg_error *error) {
     LG_QUIET;
     ATTRIBUTE(a);
+    bool words = false;
+    text_call call = {h5, object, name, out, size};
     LG_TRY(open_attribute(h5, object, name, &a, error));
-    return read_text(h5, object, name, &a, out, size, error);
+    if (!a.single) *out = '\0';
+    LG_TRY(lg_h5_each_attribute_text(h5, object, name, &words, copy_text, &call, error));
+    return words ? LG_OK
+                 : attribute_error(h5, object, name, LG_FORMAT, "is not a text: write it as a string", error);
 }
 
 /* Whether a type holds a whole number exactly. */
@@ -95,14 +86,15 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
     const bool whole = H5Tget_class(a.type) == H5T_INTEGER,
                to_real = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
     if (!a.single || !lg_is_number(a.type))
-        return attribute_error(h5, object, name, LG_FORMAT, to_real ? "is not a number" : "is not an integer",
-                               error);
+        return attribute_error(
+            h5, object, name, LG_FORMAT,
+            to_real ? "is not a number: write it as one" : "is not an integer: write it as one", error);
     if (H5Aread(a.attribute, lg_h5_memory_type(type), &value) < 0 ||
         H5Aread(a.attribute, H5T_NATIVE_DOUBLE, &real) < 0 ||
         (whole && H5Aread(a.attribute, lg_h5_long_type(a.type), &bits) < 0))
         return attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
     if (!to_real && !whole && !lg_is_whole(real))
-        return attribute_error(h5, object, name, LG_FORMAT, "is not an integer", error);
+        return attribute_error(h5, object, name, LG_FORMAT, "is not an integer: write it as one", error);
     /* HDF5 clips numbers that do not fit. */
     const bool minus = real < 0;
     const uint64_t magnitude = whole ? minus ? ~bits + 1 : bits : to_real ? 0 : (uint64_t)fabs(real);

@@ -1036,7 +1036,7 @@ TEST("a model whose names or scales do not fit its network is refused") {
     cli_expect(fit, train, 0, "");
     put_instead("model.h5", "/scaler/inputs/mean", H5T_NATIVE_DOUBLE, 2, two);
     cli_expect(fit, "predict model.h5 smooth.csv", 3,
-               "/scaler/inputs/mean: has shape (2 columns), expected (3 columns as in /model)");
+               "/scaler/inputs/mean: has shape (2), expected (3 columns as in /model)");
     lg_recipe_release(&lg_recipe_table, NULL);
 }
 
