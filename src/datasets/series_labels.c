@@ -27,12 +27,13 @@ static lg_status meet_text(void *user, uint64_t index, const char *text, lg_erro
     const char *shown = lg_shown_path(call->h5->path);
     bool known;
     if (*text == '\0' || strlen(text) >= LG_SERIES_NAME)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: the text at index (%llu) is empty or longer than %d bytes",
-                       shown, call->name, (unsigned long long)index, LG_SERIES_NAME - 1);
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /%s: the text at index (%llu) is empty or longer than %d bytes; rename it", shown,
+                       call->name, (unsigned long long)index, LG_SERIES_NAME - 1);
     const lg_status status = lg_names_meet(&call->labels->text, text, &call->labels->label[index], &known);
     if (status == LG_OUT_OF_MEMORY) return lg_h5_no_memory(call->h5, error);
     if (status == LG_OK) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: /%s: more than %u different labels", shown, call->name,
+    return lg_fail(error, LG_FORMAT, "%s: /%s: more than %u different labels; merge some", shown, call->name,
                    LG_SERIES_CLASSES);
 }
 

@@ -117,7 +117,8 @@ static lg_status take_tensor(const reading *r, const char *name, const yaml_node
     LG_TRY(check_keys(r, about, name, error));
     const char *type_name = text_of(r, about, "dtype");
     while (type < LG_COUNT(types) && (type_name == NULL || strcmp(types[type].name, type_name) != 0)) type++;
-    if (type == LG_COUNT(types)) return bad(r, error, name, "the type is not F64, F32, F16 or BF16");
+    if (type == LG_COUNT(types))
+        return bad(r, error, name, "the type is not F64, F32, F16 or BF16; convert it");
     if (!wholes_of(r, value_of(r, about, "shape"), t->dims, 4, &t->rank))
         return bad(r, error, name, "the shape is not a list of at most 4 whole numbers");
     if (!wholes_of(r, value_of(r, about, "data_offsets"), range, 2, &ends) || ends != 2)
@@ -140,7 +141,7 @@ static lg_status take_all(reading *r, lg_error *error) {
     const yaml_node_t *root = yaml_document_get_root_node(lg_yaml_document(r->header));
     const size_t pairs = (size_t)(root->data.mapping.pairs.top - root->data.mapping.pairs.start);
     if (pairs > MOST_TENSORS)
-        return lg_fail(error, LG_FORMAT, "%s: has more than %d tensors", lg_shown_path(r->path),
+        return lg_fail(error, LG_FORMAT, "%s: has more than %d tensors; save fewer", lg_shown_path(r->path),
                        MOST_TENSORS);
     LG_TRY(check_keys(r, root, "the header", error));
     r->out->tensor = lg_alloc(r->context, pairs + 1, sizeof *r->out->tensor);
@@ -183,10 +184,11 @@ static lg_status check_places(const reading *r, lg_error *error) {
         numbers += (p->end - p->begin) / types[p->type].bytes;
     }
     if (end < r->bytes)
-        return lg_fail(error, LG_FORMAT, "%s: %llu bytes after the last tensor belong to no tensor",
+        return lg_fail(error, LG_FORMAT,
+                       "%s: %llu bytes after the last tensor belong to no tensor; save it again",
                        lg_shown_path(r->path), (unsigned long long)(r->bytes - end));
     if (numbers > options.max_size / sizeof(double))
-        return lg_fail(error, LG_FORMAT, "%s: has %llu numbers; at most %llu are read",
+        return lg_fail(error, LG_FORMAT, "%s: has %llu numbers; at most %llu are read: save fewer",
                        lg_shown_path(r->path), (unsigned long long)numbers,
                        (unsigned long long)(options.max_size / sizeof(double)));
     return LG_OK;
@@ -206,7 +208,7 @@ static lg_status read_numbers(const reading *r, const place *p, lg_error *error)
         for (size_t i = 0; i < n; i++) {
             t->values[at + i] = read_number(raw + i * bytes, p->type);
             if (!isfinite(t->values[at + i]))
-                return bad(r, error, t->name, "has numbers that are not finite");
+                return bad(r, error, t->name, "has numbers that are not finite; replace them");
         }
     }
     return LG_OK;
@@ -226,7 +228,9 @@ static lg_status read_header(reading *r, lg_error *error) {
         fits = fread(r->text, 1, (size_t)length, r->from) == length && r->text[0] == '{';
     }
     if (ferror(r->from)) return lg_fail(error, LG_FILE, "%s: cannot be read", lg_shown_path(r->path));
-    if (!fits) return lg_fail(error, LG_FORMAT, "%s: is not a safetensors file", lg_shown_path(r->path));
+    if (!fits)
+        return lg_fail(error, LG_FORMAT, "%s: is not a safetensors file; save it as one",
+                       lg_shown_path(r->path));
     r->bytes -= sizeof first + length;
     while (r->text[length - 1] == '\0') length--; /* writers fill the header with blanks or zero bytes */
     return lg_yaml_open_text(r->context, r->path, r->text, (size_t)length, &r->header, error);

@@ -47,8 +47,9 @@ static lg_status name_columns(h5_file *h, const source *s, lg_error *error) {
     const char *joint = s->columns > 1 ? ", " : NULL;
     LG_TRY(lg_h5_each_name(h->h5, s->name, "columns", joint, &words, add_text, f, error));
     if (words && f->columns - s->first != s->columns)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: attribute columns has %u names for %u columns", f->shown,
-                       s->name, f->columns - s->first, s->columns);
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /%s: attribute columns has %u names for %u columns: write one per column",
+                       f->shown, s->name, f->columns - s->first, s->columns);
     for (uint32_t i = 0; !words && i < s->columns; i++) {
         char name[LG_FRAME_NAME + 16];
         (void)snprintf(name, sizeof name, "%s%u", s->name, i);
@@ -182,7 +183,9 @@ static lg_status list_sources(h5_file *h, lg_error *error) {
     if (h->sources == NULL) return lg_frame_no_memory(f, error);
     LG_QUIET;
     const herr_t end = H5Literate(h->h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_source, h);
-    if (end < 0) return lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged", f->shown);
+    if (end < 0)
+        return lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged; write it again",
+                       f->shown);
     for (size_t i = 0; i < f->wants; i++) /* paths of data sets in groups */
         if (strchr(f->want[i].name, '/') != NULL) (void)add_source(h->h5->file, f->want[i].name, NULL, h);
     for (source *s = h->sources; s < h->sources + h->count; s++) {
@@ -210,8 +213,9 @@ static lg_status check_sources(h5_file *h, lg_error *error) {
         if (s->about.kind == LG_H5_WORDS && use->value > 0 && use->clock == NULL)
             return lg_dataset_error(h->h5, s->name, LG_NO_NUMBERS, error);
         if (h->counts != NULL && rows != h->rows)
-            return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, but /%s has %llu", h->frame->shown,
-                           s->name, (unsigned long long)rows, h->counts, (unsigned long long)h->rows);
+            return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, but /%s has %llu: write as many",
+                           h->frame->shown, s->name, (unsigned long long)rows, h->counts,
+                           (unsigned long long)h->rows);
         h->counts = s->name;
         h->rows = rows;
     }
@@ -278,8 +282,9 @@ static lg_status begin(lg_frame *f, lg_error *error) {
     LG_TRY(lg_h5_open(f->context, f->path, f->options, &h->h5, error));
     LG_TRY(list_sources(h, error));
     if (f->columns == 0)
-        return lg_fail(error, LG_FORMAT, "%s: has no data set at its root that is a column of numbers%s%s",
-                       f->shown, f->note.used > 0 ? "; " : "", lg_tamed(f->note.text));
+        return lg_fail(error, LG_FORMAT,
+                       "%s: has no data set at its root that is a column of numbers: write one%s%s", f->shown,
+                       f->note.used > 0 ? "; " : "", lg_tamed(f->note.text));
     LG_TRY(lg_frame_find(f, error));
     return check_sources(h, error);
 }

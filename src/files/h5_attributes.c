@@ -140,9 +140,7 @@ lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error
     if (kind == NULL || (foreign && !has_kind)) return LG_OK;
     if (!has_kind)
         return lg_fail(error, LG_FORMAT, "%s: attribute kind is missing, expected '%s'", shown, kind);
-    const lg_status status = lg_h5_text(h5, "", "kind", text, sizeof text, error);
-    if (status == LG_SHAPE) return lg_fail(error, LG_FORMAT, "%s: attribute kind is too long", shown);
-    LG_TRY(status);
+    LG_TRY(lg_as_format(lg_h5_text(h5, "", "kind", text, sizeof text, error), error));
     if (strcmp(text, kind) != 0 && (ours || !foreign))
         return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected '%s': %s", shown,
                        lg_tamed(text), kind, lg_h5_what_is(text));

@@ -12,14 +12,6 @@
 
 /* ---- opening ---- */
 
-static lg_status check_file(const char *path, uint64_t *bytes, lg_error *error) {
-    FILE *file;
-    LG_TRY(lg_read_open(path, &file, bytes, error));
-    (void)fclose(file);
-    return *bytes > 0 ? LG_OK
-                      : lg_fail(error, LG_FORMAT, "%s: is empty: write it again", lg_shown_path(path));
-}
-
 static hid_t new_access_list(void) {
     hid_t access_list = H5Pcreate(H5P_FILE_ACCESS);
 #if H5_VERSION_GE(1, 10, 7)
@@ -44,13 +36,9 @@ static hid_t open_image(const lg_h5 *h5, void *image, size_t bytes) {
 
 /* Reads the file into memory itself: HDF5 would open the file for writing, though nothing is written to
  * it. */
-static hid_t open_copy(const lg_h5 *h5, uint64_t bytes) {
-    FILE *from = NULL;
-    uint64_t now;
+static hid_t open_copy(const lg_h5 *h5, FILE *from, uint64_t bytes) {
     LG_SCRATCH(char, image, h5->context, bytes);
-    if (image == NULL || lg_read_open(h5->path, &from, &now, NULL) != LG_OK) return H5I_INVALID_HID;
-    const bool whole = fread(image, 1, (size_t)bytes, from) == bytes;
-    (void)fclose(from);
+    const bool whole = image != NULL && fread(image, 1, (size_t)bytes, from) == bytes;
     return whole ? open_image(h5, image, (size_t)bytes) : H5I_INVALID_HID;
 }
 
@@ -58,14 +46,17 @@ static lg_status open_handle(const lg_context *context, const char *path, const 
                              bool edit, lg_h5 **out, lg_error *error) {
     lg_read_options chosen;
     LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = NULL;
+    FILE *from = NULL;
     uint64_t bytes = 0;
     LG_TRY(lg_read_options_resolve(options, &chosen, error));
     LG_TRY(lg_h5_new(context, path, &h5, error));
-    LG_TRY(check_file(path, &bytes, error));
+    LG_TRY(lg_read_open(path, &from, &bytes, error));
     const uint64_t plausible = bytes > UINT64_MAX / EXPANSION ? UINT64_MAX : bytes * EXPANSION;
     h5->max_size = chosen.max_size < plausible ? chosen.max_size : plausible;
     LG_QUIET;
-    h5->file = edit ? open_copy(h5, bytes) : open_file(path);
+    if (bytes > 0) h5->file = edit ? open_copy(h5, from, bytes) : open_file(path);
+    (void)fclose(from);
+    if (bytes == 0) return lg_fail(error, LG_FORMAT, "%s: is empty: write it again", lg_shown_path(path));
     if (h5->file < 0)
         return lg_fail(error, LG_FORMAT,
                        "%s: is not an HDF5 file, or is cut short, damaged or still being written; write or "
@@ -542,8 +533,8 @@ static lg_status sweep_numbers(lg_h5 *h5, const char *name, lg_error *error) {
 static herr_t sweep_object(hid_t root, const char *name, const H5O_info_t *info, void *user) {
     sweep *s = user;
     if (lg_h5_is_deep(name)) {
-        s->status =
-            lg_fail(s->error, LG_FORMAT, "%s: groups are nested too deep", lg_shown_path(s->h5->path));
+        s->status = lg_fail(s->error, LG_FORMAT, "%s: groups are nested too deep: move the data to the root",
+                            lg_shown_path(s->h5->path));
         return 1;
     }
     LG_ID object = H5Oopen(root, name, s->h5->links);
@@ -558,6 +549,7 @@ lg_status lg_h5_read_all(lg_h5 *h5, lg_error *error) {
     sweep s = {h5, LG_OK, error};
     const herr_t visited = H5Ovisit(h5->file, H5_INDEX_NAME, H5_ITER_NATIVE, sweep_object, &s);
     if (s.status == LG_OK && visited < 0)
-        return lg_fail(error, LG_FORMAT, "%s: is cut short or damaged", lg_shown_path(h5->path));
+        return lg_fail(error, LG_FORMAT, "%s: is cut short or damaged: write it again",
+                       lg_shown_path(h5->path));
     return s.status;
 }

@@ -600,7 +600,7 @@ TEST("the kind of a file is checked, and its format and version") {
         {"liegrad", "other", true, LG_FORMAT, "attribute kind is 'other', expected 'test'"},
         {"liegrad", NULL, false, LG_FORMAT, "attribute kind is missing, expected 'test'"},
         {"liegrad", NULL, true, LG_OK, ""},
-        {"liegrad", name, false, LG_FORMAT, "attribute kind is too long"},
+        {"liegrad", name, false, LG_FORMAT, "attribute kind: is too long"},
         {"other", "test", false, LG_FORMAT, "attribute format is 'other', expected 'liegrad'"},
         {"o\x7fther", "test", false, LG_FORMAT, "attribute format is 'o?ther'"},
         {"other", "other", true, LG_OK, ""},

@@ -103,9 +103,10 @@ static lg_status check_ends(lg_h5 *h5, lg_elastica_data *data, lg_error *error) 
     for (size_t i = 0; i < c->count; i++) {
         const double *b = c->boundary + BOUNDARY * i;
         if (!near(hypot(b[V0], b[V0 + 1]), 1) || !near(hypot(b[VN], b[VN + 1]), 1))
-            return lg_fail(error, LG_FORMAT,
-                           "%s: /boundary: a tangent of curve (%zu) has length %.9g or %.9g, not 1",
-                           lg_shown_path(h5->path), i, hypot(b[V0], b[V0 + 1]), hypot(b[VN], b[VN + 1]));
+            return lg_fail(
+                error, LG_FORMAT,
+                "%s: /boundary: a tangent of curve (%zu) has length %.9g or %.9g, not 1: normalise it",
+                lg_shown_path(h5->path), i, hypot(b[V0], b[V0 + 1]), hypot(b[VN], b[VN + 1]));
         for (size_t e = 0; e < LG_COUNT(ends); e++) {
             const double *node = ends[e].values + row * i + ends[e].node, *wanted = b + ends[e].at;
             if (near(node[0], wanted[0]) && near(node[1], wanted[1])) continue;
