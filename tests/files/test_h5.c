@@ -396,6 +396,7 @@ static void write_foreign(const char *path) {
     put_foreign_attribute(file, "none", variable, null, NULL);
     put_foreign_attribute(file, "word", variable, one, &texts[1]);
     put_foreign_attribute(file, "words", variable, list, texts);
+    put_foreign_attribute(file, "couple", blanks, list, "word1 word2 ");
     put_foreign_attribute(file, "spaces", blanks, one, "a     ");
     put_foreign_attribute(file, "blank", blanks, one, "      ");
     put_foreign_attribute(file, "unset", variable, one, NULL);
@@ -542,6 +543,7 @@ TEST("attributes that other programs wrote are read, or refused with the attribu
         {"absent", TEXT_OF, LG_NOT_FOUND, "is missing"},
         {"none", TEXT_OF, LG_OK, ""},
         {"none", EACH, LG_OK, ""},
+        {"couple", TEXT_OF, LG_FORMAT, "has more than one text: write one string"},
         {"word", TEXT_OF, LG_FORMAT, "the text at index (0) is too long"},
         {"word", EACH, LG_FORMAT, "the text at index (0) is too long"},
         {"words", EACH, LG_FORMAT, "the text at index (1) is too long"},
@@ -574,6 +576,7 @@ TEST("attributes that other programs wrote are read, or refused with the attribu
         if (rows[i].as == REAL_OF && status == LG_OK) assert_true(real == 1.5);
         if (rows[i].as == INTEGER && status == LG_OK) assert_int_equal(whole, -1);
         if (strcmp(name, "spaces") == 0 && rows[i].as <= EACH) assert_string_equal(text, "a");
+        if (strcmp(name, "couple") == 0) assert_string_equal(text, "");
         if (strcmp(name, "none") == 0 || strcmp(name, "blank") == 0 || strcmp(name, "unset") == 0)
             assert_string_equal(text, "");
     }
