@@ -44,8 +44,7 @@ static void end_texts(texts *t) {
 /* Returns text number `index` of the current piece, or NULL if it is too long. It is valid until the next
  * piece. */
 static char *text_at(texts *t, size_t index) {
-    char *text = t->memory + index * t->size;
-    if (t->variable) memcpy(&text, text, sizeof text);
+    char *text = t->variable ? ((char **)(void *)t->memory)[index] : t->memory + index * t->size;
     if (text == NULL) text = t->none;
     return strlen(text) < t->longest || !t->variable ? text : NULL;
 }
