@@ -30,7 +30,8 @@ static lg_status check_samples(const char *path, const lg_series *s, lg_error *e
     size_t at = 0;
     while (at < count && isfinite(s->x[at])) at++;
     if (at == count) return LG_OK;
-    return lg_fail(error, LG_NOT_FINITE, "%s: /X: %s in window %zu, channel %zu, sample %zu",
+    return lg_fail(error, LG_NOT_FINITE,
+                   "%s: /X: %s in window %zu, channel %zu, sample %zu: leave this window out",
                    lg_shown_path(path), isnan(s->x[at]) ? "NaN" : "a value beyond single precision",
                    at / window, at % window / s->length, at % s->length);
 }
@@ -78,7 +79,7 @@ static lg_status read_shape(read_call *call, lg_error *error) {
     LG_TRY(lg_as_format(lg_h5_look(call->h5, "X", sizeof *s->x, &about, error), error));
     LG_TRY(lg_h5_fit(call->h5, about.rank < 3 ? &two : &three, sizeof *s->x, false, &about, error));
     if (windows.n > UINT32_MAX || channels.n > UINT32_MAX || samples.n > UINT32_MAX)
-        return lg_fail(error, LG_FORMAT, "%s: /X: more than %u windows, channels or samples",
+        return lg_fail(error, LG_FORMAT, "%s: /X: more than %u windows, channels or samples: split it",
                        lg_shown_path(call->path), UINT32_MAX);
     s->count = (size_t)windows.n;
     s->channels = about.rank < 3 ? 1 : (uint32_t)channels.n;
@@ -111,13 +112,9 @@ static lg_status read_units(read_call *call, const char *name, uint32_t *out, lg
     if (out == NULL) return LG_OK;
     LG_CLEAN(lg_labels_destroy) lg_labels units = {.context = call->context};
     LG_TRY(lg_labels_read(call->h5, name, s->count, &units, error));
-    for (size_t i = 0; i < s->count; i++) {
-        const int64_t value = units.value != NULL ? units.value[i] : (int64_t)units.label[i];
-        if (value < 0 || value > UINT32_MAX)
-            return lg_fail(error, LG_FORMAT, "%s: /%s: is %lld at index (%zu), expected 0 to %u",
-                           lg_shown_path(call->path), name, (long long)value, i, UINT32_MAX);
-        out[i] = (uint32_t)value;
-    }
+    if (units.value != NULL)
+        return lg_h5_narrow(call->h5, name, units.value, s->count, UINT32_MAX, out, error);
+    memcpy(out, units.label, s->count * sizeof *out);
     return LG_OK;
 }
 
@@ -322,6 +319,8 @@ lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error 
     LG_CLEAN(lg_series_destroy) lg_series names = {.classes = 0};
     LG_TRY(lg_sensing_get(h5, &names, error));
     if (names.class_name == NULL)
-        return lg_fail(error, LG_FORMAT, "%s: attribute classes is missing", lg_shown_path(h5->path));
+        return lg_fail(error, LG_FORMAT,
+                       "%s: attribute classes is missing: write their names, such as 'ok|leak'",
+                       lg_shown_path(h5->path));
     return LG_GIVE(out, names);
 }

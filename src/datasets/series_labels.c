@@ -27,12 +27,13 @@ static lg_status meet_text(void *user, uint64_t index, const char *text, lg_erro
     const char *shown = lg_shown_path(call->h5->path);
     bool known;
     if (*text == '\0' || strlen(text) >= LG_SERIES_NAME)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: the text at index (%llu) is empty or longer than %d bytes",
-                       shown, call->name, (unsigned long long)index, LG_SERIES_NAME - 1);
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /%s: the text at index (%llu) is empty or longer than %d bytes; rename it", shown,
+                       call->name, (unsigned long long)index, LG_SERIES_NAME - 1);
     const lg_status status = lg_names_meet(&call->labels->text, text, &call->labels->label[index], &known);
     if (status == LG_OUT_OF_MEMORY) return lg_h5_no_memory(call->h5, error);
     if (status == LG_OK) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: /%s: more than %u different labels", shown, call->name,
+    return lg_fail(error, LG_FORMAT, "%s: /%s: more than %u different labels; merge some", shown, call->name,
                    LG_SERIES_CLASSES);
 }
 
@@ -68,14 +69,11 @@ static int64_t value_at(const lg_labels *labels, uint32_t i) {
 
 lg_status lg_labels_read(lg_h5 *h5, const char *name, size_t count, lg_labels *labels, lg_error *error) {
     lg_h5_about about;
-    lg_h5_size windows = {count, "windows", "X"}, one = {1, "per window", NULL};
-    const lg_h5_array list = {name, .dims = {&windows}}, row = {name, .dims = {&one, &windows}},
-                      column = {name, .dims = {&windows, &one}};
+    lg_h5_size windows = {count, "windows", "X"};
+    const lg_h5_array list = {name, .dims = {&windows}};
     labels->text.context = labels->context;
     labels->of_class.context = labels->context;
-    LG_TRY(lg_as_format(lg_h5_look(h5, name, sizeof(int64_t), &about, error), error));
-    const lg_h5_array *as = about.rank != 2 ? &list : about.dims[0] == 1 ? &row : &column;
-    LG_TRY(lg_h5_fit(h5, as, sizeof(int64_t), true, &about, error));
+    LG_TRY(lg_h5_fit(h5, &list, sizeof(int64_t), true, &about, error));
     labels->count = count;
     labels->label = lg_alloc(h5->context, count, sizeof *labels->label);
     if (labels->label == NULL) return lg_h5_no_memory(h5, error);

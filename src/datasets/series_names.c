@@ -96,13 +96,14 @@ typedef struct names_call {
     lg_names *names;
 } names_call;
 
-static lg_status add_name(const names_call *call, const char *text, lg_error *error) {
+static lg_status add_name(void *user, uint64_t number, const char *text, lg_error *error) {
+    const names_call *call = user;
     const char *shown = lg_shown_path(call->path);
     uint32_t index;
     bool known = false;
     if (call->unique && *text == '\0')
         return lg_fail(error, call->wrong, "%s: %s: name number %u is empty", shown, call->key,
-                       call->names->count + 1);
+                       (unsigned)number + 1);
     const lg_status status =
         call->unique ? lg_names_meet(call->names, text, &index, &known) : lg_names_add(call->names, text);
     if (status == LG_OUT_OF_MEMORY) return lg_no_memory_for(shown, error);
@@ -113,45 +114,14 @@ static lg_status add_name(const names_call *call, const char *text, lg_error *er
     return LG_OK;
 }
 
-static lg_status split_names(const names_call *call, const char *text, lg_error *error) {
-    for (;;) {
-        char part[LG_SERIES_NAME + 1];
-        const size_t length = strcspn(text, "|"), kept = length < sizeof part ? length : sizeof part - 1;
-        memcpy(part, text, kept);
-        part[kept] = '\0';
-        LG_TRY(add_name(call, part, error));
-        if (text[length] == '\0') return LG_OK;
-        text += length + 1;
-    }
-}
-
-static lg_status visit_joined(void *user, uint64_t index, const char *text, lg_error *error) {
-    const names_call *call = user;
-    return split_names(call, text, error);
-}
-
-static lg_status visit_listed(void *user, uint64_t index, const char *text, lg_error *error) {
-    return add_name(user, text, error);
-}
-
-/* Counts the texts of an attribute. */
-static lg_status count_text(void *user, uint64_t index, const char *text, lg_error *error) {
-    *(uint64_t *)user = index + 1;
-    return LG_OK;
-}
-
 lg_status lg_names_get(lg_h5 *h5, const char *key, bool unique, lg_names *names, lg_error *error) {
     names_call call = {h5->path, key, unique, LG_FORMAT, names};
-    uint64_t texts = 0;
-    bool words;
-    LG_TRY(lg_h5_each_attribute_text(h5, "", key, &words, count_text, &texts, error));
-    if (words)
-        return lg_h5_each_attribute_text(h5, "", key, &words, texts == 1 ? visit_joined : visit_listed, &call,
-                                         error);
     lg_h5_about about;
-    if (!lg_h5_has(h5, key)) return LG_OK;
+    bool words;
+    LG_TRY(lg_h5_each_name(h5, "", key, "|", &words, add_name, &call, error));
+    if (words || !lg_h5_has(h5, key)) return LG_OK;
     LG_TRY(lg_h5_look(h5, key, 1, &about, error));
-    return about.kind == LG_H5_WORDS ? lg_h5_each_text(h5, key, visit_listed, &call, error) : LG_OK;
+    return about.kind == LG_H5_WORDS ? lg_h5_each_text(h5, key, add_name, &call, error) : LG_OK;
 }
 
 /* ---- writing ---- */
@@ -162,7 +132,7 @@ static lg_status check_names(const lg_context *context, const char *path, const 
                              char (*name)[LG_SERIES_NAME], uint32_t count, bool unique, lg_error *error) {
     if (name == NULL) return LG_OK;
     LG_CLEAN(lg_names_destroy) lg_names met = {.context = context};
-    const names_call call = {path, what, unique, LG_INVALID_ARGUMENT, &met};
+    names_call call = {path, what, unique, LG_INVALID_ARGUMENT, &met};
     if (count > LG_SERIES_CLASSES)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: more than %u %s", lg_shown_path(path),
                        LG_SERIES_CLASSES, what);
@@ -170,7 +140,7 @@ static lg_status check_names(const lg_context *context, const char *path, const 
         if (memchr(name[i], '\0', LG_SERIES_NAME) == NULL)
             return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %s: name number %u does not end with a zero byte",
                            lg_shown_path(path), what, i + 1);
-        LG_TRY(add_name(&call, name[i], error));
+        LG_TRY(add_name(&call, i, name[i], error));
     }
     return LG_OK;
 }

@@ -47,7 +47,8 @@ static lg_status meet_classes(const lg_frame *f, const char *column, uint32_t *l
             return lg_frame_no_memory(f, error);
         if (met->count > MOST_CLASSES)
             return lg_fail(error, LG_FORMAT,
-                           "%s: column %s: has more than %d different values: it does not look like classes",
+                           "%s: column %s: has more than %d different values: it does not look like classes; "
+                           "use it as an output",
                            f->shown, column, MOST_CLASSES);
     }
     return lg_names_sort(met, label, f->rows) == LG_OK ? LG_OK : lg_frame_no_memory(f, error);
@@ -106,7 +107,8 @@ lg_status lg_table_keep_complete(lg_table_data *const *tables, size_t count, siz
                            tables[i]->rows);
     for (size_t row = 0; row < rows; row++) complete += are_complete(tables, count, row);
     if (complete == 0 && rows > 0)
-        return lg_fail(error, LG_FORMAT, "all %zu rows have missing cells in the columns that are used",
+        return lg_fail(error, LG_FORMAT,
+                       "all %zu rows have missing cells in the columns that are used: use fewer columns",
                        rows);
     for (size_t row = 0; row < rows; row++) {
         if (!are_complete(tables, count, row)) continue;
@@ -137,8 +139,8 @@ static lg_status copy_names(const lg_frame *f, lg_table_names *out, lg_error *er
     for (; out->count < f->columns; out->count++) {
         const size_t length = strlen(f->name[out->count]);
         if (length >= LG_TABLE_NAME)
-            return lg_fail(error, LG_FORMAT, "%s: the name of column %u has more than %d bytes", f->shown,
-                           out->count + 1, LG_TABLE_NAME - 1);
+            return lg_fail(error, LG_FORMAT, "%s: the name of column %u has more than %d bytes: shorten it",
+                           f->shown, out->count + 1, LG_TABLE_NAME - 1);
         memcpy(out->name[out->count], f->name[out->count], length + 1);
     }
     return LG_OK;
@@ -160,7 +162,7 @@ static lg_status read_rows(lg_frame *f, const char *class_column, lg_table_data 
     LG_TRY(lg_frame_open(f, error));
     LG_TRY(lg_frame_next(f, SIZE_MAX, error));
     if (f->rows == 0)
-        return lg_fail(error, LG_FORMAT, "%s: has %sno rows", f->shown,
+        return lg_fail(error, LG_FORMAT, "%s: has %sno rows: add some", f->shown,
                        f->header > 0 ? "a header, but " : "");
     if (class_column != NULL) LG_TRY(name_classes(f, class_column, out, error));
     hash(f, out);

@@ -60,10 +60,6 @@ static lg_status bad(const reading *r, lg_error *error, const char *name, const 
     return lg_fail(error, LG_FORMAT, "%s: tensor '%.64s': %s", lg_shown_path(r->path), name, what);
 }
 
-static lg_status no_memory(const reading *r, lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %s", lg_shown_path(r->path));
-}
-
 /* The value of a key; NULL: there is none. */
 static const yaml_node_t *value_of(const reading *r, const yaml_node_t *mapping, const char *key) {
     if (mapping->type != YAML_MAPPING_NODE) return NULL;
@@ -86,7 +82,7 @@ static lg_status check_keys(const reading *r, const yaml_node_t *mapping, const 
     if (mapping->type != YAML_MAPPING_NODE) return LG_OK;
     const yaml_node_pair_t *first = mapping->data.mapping.pairs.start;
     const size_t pairs = (size_t)(mapping->data.mapping.pairs.top - first);
-    LG_TRY_SCRATCH(lg_lookup, sorted, r->context, pairs, no_memory(r, error));
+    LG_TRY_SCRATCH(lg_lookup, sorted, r->context, pairs, lg_no_memory_for(r->path, error));
     for (size_t i = 0; i < pairs; i++) {
         sorted[i] = (lg_lookup){lg_node_text(lg_node_at(r->header, first[i].key), SIZE_MAX), i};
         if (sorted[i].name == NULL)
@@ -121,7 +117,8 @@ static lg_status take_tensor(const reading *r, const char *name, const yaml_node
     LG_TRY(check_keys(r, about, name, error));
     const char *type_name = text_of(r, about, "dtype");
     while (type < LG_COUNT(types) && (type_name == NULL || strcmp(types[type].name, type_name) != 0)) type++;
-    if (type == LG_COUNT(types)) return bad(r, error, name, "the type is not F64, F32, F16 or BF16");
+    if (type == LG_COUNT(types))
+        return bad(r, error, name, "the type is not F64, F32, F16 or BF16; convert it");
     if (!wholes_of(r, value_of(r, about, "shape"), t->dims, 4, &t->rank))
         return bad(r, error, name, "the shape is not a list of at most 4 whole numbers");
     if (!wholes_of(r, value_of(r, about, "data_offsets"), range, 2, &ends) || ends != 2)
@@ -144,12 +141,12 @@ static lg_status take_all(reading *r, lg_error *error) {
     const yaml_node_t *root = yaml_document_get_root_node(lg_yaml_document(r->header));
     const size_t pairs = (size_t)(root->data.mapping.pairs.top - root->data.mapping.pairs.start);
     if (pairs > MOST_TENSORS)
-        return lg_fail(error, LG_FORMAT, "%s: has more than %d tensors", lg_shown_path(r->path),
+        return lg_fail(error, LG_FORMAT, "%s: has more than %d tensors; save fewer", lg_shown_path(r->path),
                        MOST_TENSORS);
     LG_TRY(check_keys(r, root, "the header", error));
     r->out->tensor = lg_alloc(r->context, pairs + 1, sizeof *r->out->tensor);
     r->places = lg_alloc(r->context, pairs + 1, sizeof *r->places);
-    if (r->out->tensor == NULL || r->places == NULL) return no_memory(r, error);
+    if (r->out->tensor == NULL || r->places == NULL) return lg_no_memory_for(r->path, error);
     for (yaml_node_pair_t *p = root->data.mapping.pairs.start; p < root->data.mapping.pairs.top; p++) {
         const char *name = lg_node_text(lg_node_at(r->header, p->key), SIZE_MAX);
         const yaml_node_t *about = lg_node_at(r->header, p->value);
@@ -187,10 +184,11 @@ static lg_status check_places(const reading *r, lg_error *error) {
         numbers += (p->end - p->begin) / types[p->type].bytes;
     }
     if (end < r->bytes)
-        return lg_fail(error, LG_FORMAT, "%s: %llu bytes after the last tensor belong to no tensor",
+        return lg_fail(error, LG_FORMAT,
+                       "%s: %llu bytes after the last tensor belong to no tensor; save it again",
                        lg_shown_path(r->path), (unsigned long long)(r->bytes - end));
     if (numbers > options.max_size / sizeof(double))
-        return lg_fail(error, LG_FORMAT, "%s: has %llu numbers; at most %llu are read",
+        return lg_fail(error, LG_FORMAT, "%s: has %llu numbers; at most %llu are read: save fewer",
                        lg_shown_path(r->path), (unsigned long long)numbers,
                        (unsigned long long)(options.max_size / sizeof(double)));
     return LG_OK;
@@ -201,7 +199,7 @@ static lg_status read_numbers(const reading *r, const place *p, lg_error *error)
     lg_tensor *t = p->tensor;
     const size_t bytes = types[p->type].bytes;
     t->values = lg_alloc(r->context, t->count > 0 ? t->count : 1, sizeof *t->values);
-    if (t->values == NULL) return no_memory(r, error);
+    if (t->values == NULL) return lg_no_memory_for(r->path, error);
     for (size_t at = 0, n; at < t->count; at += n) {
         n = t->count - at < CHUNK / bytes ? t->count - at : CHUNK / bytes;
         if (lg_cancelled(r->context)) return LG_CANCELLED;
@@ -210,7 +208,7 @@ static lg_status read_numbers(const reading *r, const place *p, lg_error *error)
         for (size_t i = 0; i < n; i++) {
             t->values[at + i] = read_number(raw + i * bytes, p->type);
             if (!isfinite(t->values[at + i]))
-                return bad(r, error, t->name, "has numbers that are not finite");
+                return bad(r, error, t->name, "has numbers that are not finite; replace them");
         }
     }
     return LG_OK;
@@ -226,11 +224,13 @@ static lg_status read_header(reading *r, lg_error *error) {
     bool fits = begun && length >= 2 && length <= MOST_HEADER && length <= r->bytes - sizeof first;
     if (fits) {
         r->text = lg_alloc(r->context, (size_t)length, 1);
-        if (r->text == NULL) return no_memory(r, error);
+        if (r->text == NULL) return lg_no_memory_for(r->path, error);
         fits = fread(r->text, 1, (size_t)length, r->from) == length && r->text[0] == '{';
     }
     if (ferror(r->from)) return lg_fail(error, LG_FILE, "%s: cannot be read", lg_shown_path(r->path));
-    if (!fits) return lg_fail(error, LG_FORMAT, "%s: is not a safetensors file", lg_shown_path(r->path));
+    if (!fits)
+        return lg_fail(error, LG_FORMAT, "%s: is not a safetensors file; save it as one",
+                       lg_shown_path(r->path));
     r->bytes -= sizeof first + length;
     while (r->text[length - 1] == '\0') length--; /* writers fill the header with blanks or zero bytes */
     return lg_yaml_open_text(r->context, r->path, r->text, (size_t)length, &r->header, error);

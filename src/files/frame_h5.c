@@ -23,7 +23,6 @@ typedef struct h5_file {
     uint64_t longest;   /* rows of the longest column */
     uint64_t rows;      /* of the wanted columns */
     const char *counts; /* the wanted data set that has them; NULL: none so far */
-    bool joined;        /* names are in one text, with commas between them */
 } h5_file;
 
 static bool is_numbers(const lg_h5_about *about) {
@@ -37,19 +36,7 @@ static uint64_t rows_of(const source *s) {
 /* ---- names ---- */
 
 static lg_status add_text(void *user, uint64_t index, const char *text, lg_error *error) {
-    h5_file *h = user;
-    for (;;) {
-        char name[LG_H5_TEXT];
-        const size_t length = strcspn(text, h->joined ? "," : ""), blanks = h->joined ? strspn(text, " ") : 0;
-        (void)snprintf(name, sizeof name, "%.*s", (int)(length - blanks), text + blanks);
-        LG_TRY(lg_frame_add_name(h->frame, name, error));
-        if (text[length] == '\0') return LG_OK;
-        text += length + 1;
-    }
-}
-
-static void forget_names(lg_frame *f, uint32_t count) {
-    while (f->columns > count) lg_free(f->context, f->name[--f->columns]);
+    return lg_frame_add_name(user, text, error);
 }
 
 /* Names the columns of a data set (rows, k) by its attribute `columns`, or else by the data set's name with
@@ -57,16 +44,12 @@ static void forget_names(lg_frame *f, uint32_t count) {
 static lg_status name_columns(h5_file *h, const source *s, lg_error *error) {
     lg_frame *f = h->frame;
     bool words = false;
-    h->joined = false;
-    LG_TRY(lg_h5_each_attribute_text(h->h5, s->name, "columns", &words, add_text, h, error));
-    if (words && f->columns - s->first != s->columns) { /* not a list: one text with commas */
-        h->joined = true;
-        forget_names(f, s->first);
-        LG_TRY(lg_h5_each_attribute_text(h->h5, s->name, "columns", &words, add_text, h, error));
-    }
+    const char *joint = s->columns > 1 ? ", " : NULL;
+    LG_TRY(lg_h5_each_name(h->h5, s->name, "columns", joint, &words, add_text, f, error));
     if (words && f->columns - s->first != s->columns)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: attribute columns has %u names for %u columns", f->shown,
-                       s->name, f->columns - s->first, s->columns);
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /%s: attribute columns has %u names for %u columns: write one per column",
+                       f->shown, s->name, f->columns - s->first, s->columns);
     for (uint32_t i = 0; !words && i < s->columns; i++) {
         char name[LG_FRAME_NAME + 16];
         (void)snprintf(name, sizeof name, "%s%u", s->name, i);
@@ -95,9 +78,7 @@ static bool is_column(const h5_file *h, const source *s) {
 /* The axis along which the rows lie. MATLAB stores arrays as (columns, rows). */
 static uint32_t axis_of(const h5_file *h, const source *s) {
     const lg_h5_about *about = &s->about;
-    uint32_t longest = 0;
-    for (uint32_t i = 1; i < about->rank; i++)
-        if (about->dims[i] != 1) longest = i;
+    const uint32_t longest = lg_h5_long_axis(about);
     if (about->rank != 2) return longest;
     const bool row = lg_h5_is_vector(about) && about->dims[!s->matlab] != 1 &&
                      !lg_h5_has_attribute(h->h5, s->name, "columns");
@@ -111,8 +92,8 @@ static void leave_out(h5_file *h, const source *s, const char *why) {
     bool wanted = f->wants == 0;
     for (size_t i = 0; i < f->wants; i++)
         wanted = wanted || strcmp(f->want[i].name, member ? s->member : s->name) == 0;
-    char note[2 * LG_FRAME_NAME + 80];
-    (void)snprintf(note, sizeof note, "/%s%s%s %.70s", s->name, member ? "." : "", s->member, why);
+    char note[2 * LG_FRAME_NAME + 90];
+    (void)snprintf(note, sizeof note, "/%s%s%s %.80s", s->name, member ? "." : "", s->member, why);
     if (wanted) lg_name_list_add(&f->note, note);
 }
 
@@ -202,7 +183,9 @@ static lg_status list_sources(h5_file *h, lg_error *error) {
     if (h->sources == NULL) return lg_frame_no_memory(f, error);
     LG_QUIET;
     const herr_t end = H5Literate(h->h5->file, H5_INDEX_NAME, H5_ITER_INC, NULL, add_source, h);
-    if (end < 0) return lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged", f->shown);
+    if (end < 0)
+        return lg_fail(error, LG_FORMAT, "%s: cannot be read: cut short or damaged; write it again",
+                       f->shown);
     for (size_t i = 0; i < f->wants; i++) /* paths of data sets in groups */
         if (strchr(f->want[i].name, '/') != NULL) (void)add_source(h->h5->file, f->want[i].name, NULL, h);
     for (source *s = h->sources; s < h->sources + h->count; s++) {
@@ -228,10 +211,11 @@ static lg_status check_sources(h5_file *h, lg_error *error) {
         if (!is_wanted(h->frame, s)) continue;
         const lg_frame_use *use = &h->frame->use[s->first];
         if (s->about.kind == LG_H5_WORDS && use->value > 0 && use->clock == NULL)
-            return lg_fail(error, LG_FORMAT, "%s: /%s: does not hold numbers", h->frame->shown, s->name);
+            return lg_dataset_error(h->h5, s->name, LG_NO_NUMBERS, error);
         if (h->counts != NULL && rows != h->rows)
-            return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, but /%s has %llu", h->frame->shown,
-                           s->name, (unsigned long long)rows, h->counts, (unsigned long long)h->rows);
+            return lg_fail(error, LG_FORMAT, "%s: /%s: has %llu rows, but /%s has %llu: write as many",
+                           h->frame->shown, s->name, (unsigned long long)rows, h->counts,
+                           (unsigned long long)h->rows);
         h->counts = s->name;
         h->rows = rows;
     }
@@ -298,8 +282,9 @@ static lg_status begin(lg_frame *f, lg_error *error) {
     LG_TRY(lg_h5_open(f->context, f->path, f->options, &h->h5, error));
     LG_TRY(list_sources(h, error));
     if (f->columns == 0)
-        return lg_fail(error, LG_FORMAT, "%s: has no data set at its root that is a column of numbers%s%s",
-                       f->shown, f->note.used > 0 ? "; " : "", lg_tamed(f->note.text));
+        return lg_fail(error, LG_FORMAT,
+                       "%s: has no data set at its root that is a column of numbers: write one%s%s", f->shown,
+                       f->note.used > 0 ? "; " : "", lg_tamed(f->note.text));
     LG_TRY(lg_frame_find(f, error));
     return check_sources(h, error);
 }

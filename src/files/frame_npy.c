@@ -32,17 +32,19 @@ static lg_status fail(const lg_frame *f, const char *what, lg_error *error) {
 
 static lg_status cut(const lg_frame *f, const npy *n, lg_error *error) {
     return ferror(n->from) ? lg_fail(error, LG_FILE, "%s: cannot be read", f->shown)
-                           : fail(f, "ends within numpy's header", error);
+                           : fail(f, "ends within numpy's header: save it again with numpy.save", error);
 }
 
 static lg_status read_header(const lg_frame *f, npy *n, lg_error *error) {
     unsigned char start[MAGIC + 4];
     if (fread(start, 1, MAGIC, n->from) != MAGIC) return cut(f, n, error);
     const unsigned version = start[6], wide = version == 1 ? 2 : 4;
-    if (version < 1 || version > 3) return fail(f, "is of an unknown version of numpy's format", error);
+    if (version < 1 || version > 3)
+        return fail(f, "is of an unknown version of numpy's format: save it again with numpy.save", error);
     if (fread(start + MAGIC, 1, wide, n->from) != wide) return cut(f, n, error);
     const uint32_t length = (uint32_t)lg_bytes_get(start + MAGIC, wide);
-    if (length > LONGEST_HEADER) return fail(f, "has a numpy header of more than 65536 bytes", error);
+    if (length > LONGEST_HEADER)
+        return fail(f, "has a numpy header of more than 65536 bytes: save a plain array", error);
     if (fread(n->header, 1, length, n->from) != length) return cut(f, n, error);
     n->header[length] = '\0';
     return LG_OK;
@@ -60,7 +62,7 @@ static char *value_of(npy *n, const char *key) {
 static lg_status parse_type(const lg_frame *f, npy *n, lg_error *error) {
     char *at = value_of(n, "'descr'");
     if (at == NULL || (*at != '\'' && *at != '[') || strlen(at) < 4)
-        return fail(f, "does not hold a plain array of numbers (descr)", error);
+        return fail(f, "does not hold a plain array of numbers (descr): save numpy.array(a, 'f8')", error);
     n->kind = at[2];
     n->bytes = (unsigned)(at[3] - '0');
     n->big_endian = at[1] == '>';
@@ -79,24 +81,30 @@ static lg_status parse_type(const lg_frame *f, npy *n, lg_error *error) {
 }
 
 static lg_status parse_shape(const lg_frame *f, npy *n, lg_error *error) {
-    const char *order = value_of(n, "'fortran_order'"), *at = value_of(n, "'shape'");
+    const char *order = value_of(n, "'fortran_order'");
+    char *shape = value_of(n, "'shape'");
     unsigned long long dims[2] = {0, 1};
     size_t rank = 0;
-    if (order == NULL || at == NULL || *at != '(') return fail(f, "has no shape", error);
+    if (order == NULL || shape == NULL || *shape != '(')
+        return fail(f, "has no shape in its header: save it again with numpy.save", error);
+    const size_t length = strcspn(shape, ")");
     n->fortran = strncmp(order, "True", 4) == 0;
-    for (at++; *at != ')' && *at != '\0';) {
-        char *end;
+    for (char *at = shape + 1, *end = at; *at != ')' && *at != '\0'; at = end + strspn(end, ", ")) {
         const unsigned long long value = strtoull(at, &end, 10);
-        if (end == at || rank == 2)
-            return fail(f, "is not an array with one or two dimensions: (rows) or (rows, columns)", error);
+        if (*at < '0' || *at > '9' || rank == 2)
+            return lg_fail(error, LG_FORMAT,
+                           "%s: has shape %.*s), expected (rows) or (rows, columns): save "
+                           "a.reshape(len(a), -1)",
+                           f->shown, (int)(length < 80 ? length : 80), lg_tamed(shape));
         dims[rank++] = value;
-        at = end + strspn(end, ", ");
     }
-    if (rank == 0) return fail(f, "is a single number, not an array", error);
+    if (rank == 0) return fail(f, "is a single number, not an array: save numpy.atleast_1d(a)", error);
     n->rows = dims[0];
     n->columns = dims[1];
-    if (n->rows == 0 || n->columns == 0) return fail(f, "has no numbers: one of its dimensions is 0", error);
-    if (n->columns > LG_FRAME_MOST_COLUMNS) return fail(f, "has more than 65536 columns", error);
+    if (n->rows == 0 || n->columns == 0)
+        return fail(f, "has no numbers: one of its dimensions is 0; save at least one row", error);
+    if (n->columns > LG_FRAME_MOST_COLUMNS)
+        return fail(f, "has more than 65536 columns: save fewer, or a.T", error);
     return LG_OK;
 }
 
@@ -111,13 +119,15 @@ static lg_status check_size(const lg_frame *f, npy *n, lg_error *error) {
         return lg_fail(error, LG_FILE, "%s: %s", f->shown, strerror(errno));
     const uint64_t have = (uint64_t)about.st_size - (uint64_t)at;
     if (n->rows > have / (n->columns * n->bytes))
-        return lg_fail(error, LG_FORMAT, "%s: is cut off: its header announces (%llu, %llu) numbers",
+        return lg_fail(error, LG_FORMAT,
+                       "%s: is cut off: its header announces (%llu, %llu) numbers; save or copy it again",
                        f->shown, n->rows, n->columns);
     if (n->rows * n->columns * n->bytes < have)
-        return lg_fail(error, LG_FORMAT, "%s: %llu bytes follow after its array", f->shown,
-                       have - n->rows * n->columns * n->bytes);
+        return lg_fail(error, LG_FORMAT, "%s: %llu bytes follow after its array; save one array per file",
+                       f->shown, have - n->rows * n->columns * n->bytes);
     if (n->rows * n->columns > options.max_size / sizeof(double))
-        return lg_fail(error, LG_FORMAT, "%s: has (%llu, %llu) numbers; at most %llu are read", f->shown,
+        return lg_fail(error, LG_FORMAT,
+                       "%s: has (%llu, %llu) numbers; at most %llu are read: save fewer rows", f->shown,
                        n->rows, n->columns, (unsigned long long)(options.max_size / sizeof(double)));
     return LG_OK;
 }
@@ -142,8 +152,11 @@ static lg_status read_number(lg_frame *f, npy *n, size_t row, uint32_t column, l
     uint64_t bits;
     if (fread(raw, 1, n->bytes, n->from) != n->bytes)
         return lg_fail(error, LG_FILE, "%s: cannot be read to its end", f->shown);
-    const char type = number_of(n, raw, &bits);
-    return lg_frame_is_wanted(f, column) ? lg_frame_put_number(f, row, column, type, &bits, error) : LG_OK;
+    if (!lg_frame_is_wanted(f, column)) return LG_OK;
+    if (n->kind == 'b' && *raw > 1)
+        return lg_frame_fail(f, row, f->name[column], error,
+                             "a value of type b1 is %u, expected 0 or 1: save a.view('u1')", *raw);
+    return lg_frame_put_number(f, row, column, number_of(n, raw, &bits), &bits, error);
 }
 
 /* The numbers of a row follow each other in C order, those of a column in Fortran order. */

@@ -91,6 +91,9 @@ bool lg_h5_has_attribute(lg_h5 *h5, const char *object, const char *name);
  * from integer types, and each number must fit into `type`; a double must equal each stored integer. */
 lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
                     void *out, lg_error *error);
+/* The same for doubles, which must be finite. A missing array or another shape is LG_FORMAT. */
+lg_status lg_h5_get_finite(lg_h5 *h5, const char *name, uint32_t rank, const uint64_t *dims, double *out,
+                           lg_error *error);
 /* An array of doubles in a list that says what a file holds. A size of 0 is not known: reading sets it to the
  * size in the file, which must not be 0, and `from` to the array's name. `what`: what it counts, in messages;
  * may be NULL. */
@@ -134,9 +137,17 @@ typedef struct lg_h5_slice {
     uint64_t first, count;
 } lg_h5_slice;
 /* Does for one array all that lg_h5_get_arrays does but reading: looks (lg_h5_look), compares the shape with
- * the sizes, and sets those that are not known. `words`: it may hold texts. */
+ * the sizes, and sets those that are not known. Where a list is wanted, shapes (n, 1) and (1, n) and a single
+ * number are lists, too. `words`: it may hold texts. */
 lg_status lg_h5_fit(lg_h5 *h5, const lg_h5_array *array, size_t bytes, bool words, lg_h5_about *about,
                     lg_error *error);
+/* The last axis along which there is not just one number or text; 0 if there is none. */
+static inline uint32_t lg_h5_long_axis(const lg_h5_about *about) {
+    uint32_t axis = 0;
+    for (uint32_t i = 1; i < about->rank; i++)
+        if (about->dims[i] != 1) axis = i;
+    return axis;
+}
 /* Whether an array of numbers or texts is one row or one column: (n), (n, 1), (1, n), ..., not one number. */
 static inline bool lg_h5_is_vector(const lg_h5_about *about) {
     uint32_t wide = 0;
@@ -161,6 +172,9 @@ uint64_t lg_h5_block(const lg_h5_about *about, uint32_t axis);
  * or with LG_NOT_FINITE; the message has the index. */
 lg_status lg_h5_get_wholes(lg_h5 *h5, const char *name, const lg_h5_about *about, int64_t *out,
                            lg_error *error);
+/* Copies such integers; LG_FORMAT if one is not within 0 to `most`. */
+lg_status lg_h5_narrow(const lg_h5 *h5, const char *name, const int64_t *values, uint64_t count,
+                       uint32_t most, uint32_t *out, lg_error *error);
 /* Calls visit(user, index, text, error) for each text of a data set, in order, until one call fails. Each
  * text must be shorter than LG_H5_TEXT; padding is removed. All dimensions but one must be 1. */
 typedef lg_status (*lg_h5_visit)(void *user, uint64_t index, const char *text, lg_error *error);
@@ -168,9 +182,16 @@ lg_status lg_h5_each_text_of(lg_h5 *h5, const lg_h5_slice *slice, lg_h5_visit vi
                              lg_error *error);
 lg_status lg_h5_each_text(lg_h5 *h5, const char *name, lg_h5_visit visit, void *user, lg_error *error);
 /* The same for the texts of an attribute, which is a single text or a list. A single text may have up to 64
- * KiB. If the attribute is missing or of another type, *words becomes false and visit is not called. */
-lg_status lg_h5_each_attribute_text(lg_h5 *h5, const char *object, const char *name, bool *words,
-                                    lg_h5_visit visit, void *user, lg_error *error);
+ * KiB. If the attribute is missing or of another type, *words becomes false and visit is not called. With
+ * `joint`, a single text is several names, with the first character of `joint` between them; its other
+ * characters are left out where they stand before a name. */
+lg_status lg_h5_each_name(lg_h5 *h5, const char *object, const char *name, const char *joint, bool *words,
+                          lg_h5_visit visit, void *user, lg_error *error);
+static inline lg_status lg_h5_each_attribute_text(lg_h5 *h5, const char *object, const char *name,
+                                                  bool *words, lg_h5_visit visit, void *user,
+                                                  lg_error *error) {
+    return lg_h5_each_name(h5, object, name, NULL, words, visit, user, error);
+}
 
 /* ---- attributes ---- */
 lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size,

@@ -4,76 +4,37 @@
 
 #include "files/h5_internal.h"
 
+/* An attribute in messages, and the memory for its text. */
 typedef struct attribute {
-    hid_t attribute, type;
-    bool single; /* one element; false for an empty (null) data space */
+    const lg_h5 *h5;
+    const char *object, *name;
+    char *out;
+    size_t size;
 } attribute;
 
-static void close_attribute(const attribute *a) {
-    lg_id_close(&a->type);
-    lg_id_close(&a->attribute);
-}
-#define ATTRIBUTE(name)                                                                                      \
-    LG_CLEAN(close_attribute) attribute name = {.attribute = H5I_INVALID_HID, .type = H5I_INVALID_HID}
-
-static lg_status attribute_error(const lg_h5 *h5, const char *object, const char *name, lg_status status,
-                                 const char *what, lg_error *error) {
-    return lg_fail(error, status, "%s: /%s: attribute %s: %s", lg_shown_path(h5->path), object, name, what);
+static lg_status bad(const attribute *a, lg_status status, const char *what, lg_error *error) {
+    return lg_fail(error, status, "%s: /%s: attribute %s: %s", lg_shown_path(a->h5->path), a->object, a->name,
+                   what);
 }
 
-static lg_status open_attribute(lg_h5 *h5, const char *object, const char *name, attribute *a,
-                                lg_error *error) {
-    const char *at = *object == '\0' ? "/" : object;
-    if (!lg_attribute_exists(h5, object, name))
-        return attribute_error(h5, object, name, LG_NOT_FOUND, "is missing", error);
-    a->attribute = H5Aopen_by_name(h5->file, at, name, H5P_DEFAULT, h5->links);
-    a->type = H5Aget_type(a->attribute);
-    LG_ID space = H5Aget_space(a->attribute);
-    const hssize_t count = H5Sget_simple_extent_npoints(space);
-    if (a->type < 0 || count < 0 || count > 1)
-        return attribute_error(h5, object, name, LG_FORMAT,
-                               count > 1 ? "has more than one value, expected one" : "cannot be read", error);
-    a->single = count == 1;
+static lg_status copy_text(void *user, uint64_t index, const char *text, lg_error *error) {
+    const attribute *a = user;
+    const size_t length = strlen(text);
+    *a->out = '\0';
+    if (index > 0) return bad(a, LG_FORMAT, "has more than one text: write one string", error);
+    if (length >= a->size) return bad(a, LG_SHAPE, "is too long: shorten it", error);
+    memcpy(a->out, text, length + 1);
     return LG_OK;
-}
-
-/* Reads a text of any string type. The result is terminated and has no padding. Only HDF5 may allocate
- * memory. */
-static lg_status read_text(lg_h5 *h5, const char *object, const char *name, const attribute *a, char *out,
-                           size_t size, lg_error *error) {
-    if (H5Tget_class(a->type) != H5T_STRING)
-        return attribute_error(h5, object, name, LG_FORMAT, "is not a text", error);
-    bool variable = H5Tis_variable_str(a->type) > 0, read = true;
-    char fixed[LG_H5_TEXT + 1] = "", *pointer = NULL;
-    const char *text = fixed;
-    if (!variable && H5Tget_size(a->type) > LG_H5_TEXT)
-        return attribute_error(h5, object, name, LG_SHAPE, "is too long", error);
-    if (variable && a->single) {
-        read = H5Aread(a->attribute, a->type, &pointer) >= 0;
-        if (pointer != NULL) text = pointer;
-    } else if (a->single) {
-        read = H5Aread(a->attribute, a->type, fixed) >= 0;
-        if (H5Tget_strpad(a->type) == H5T_STR_SPACEPAD)
-            for (size_t n = strlen(fixed); n > 0 && fixed[n - 1] == ' ';) fixed[--n] = '\0';
-    }
-    size_t length = strlen(text);
-    lg_status status = LG_OK;
-    if (!read)
-        status = attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
-    else if (length >= size)
-        status = attribute_error(h5, object, name, LG_SHAPE, "is too long", error);
-    else
-        memcpy(out, text, length + 1);
-    if (pointer != NULL) (void)H5free_memory(pointer);
-    return status;
 }
 
 lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size,
                      lg_error *error) {
-    LG_QUIET;
-    ATTRIBUTE(a);
-    LG_TRY(open_attribute(h5, object, name, &a, error));
-    return read_text(h5, object, name, &a, out, size, error);
+    attribute a = {h5, object, name, out, size};
+    bool words = false;
+    if (!lg_h5_has_attribute(h5, object, name)) return bad(&a, LG_NOT_FOUND, "is missing", error);
+    *out = '\0';
+    LG_TRY(lg_h5_each_attribute_text(h5, object, name, &words, copy_text, &a, error));
+    return words ? LG_OK : bad(&a, LG_FORMAT, "is not a text: write it as a string", error);
 }
 
 /* Whether a type holds a whole number exactly. */
@@ -87,27 +48,29 @@ static bool holds(lg_element type, bool minus, uint64_t magnitude) {
 
 lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out,
                        lg_error *error) {
-    LG_QUIET;
-    ATTRIBUTE(a);
+    const attribute a = {.h5 = h5, .object = object, .name = name};
+    const char *at = *object == '\0' ? "/" : object;
+    const bool to_real = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
+    const char *wrong = to_real ? "is not a number: write it as one" : "is not an integer: write it as one";
     uint64_t value = 0, bits = 0; /* room for a number of any type; the bits of an integer */
     double real = 0;
-    LG_TRY(open_attribute(h5, object, name, &a, error));
-    const bool whole = H5Tget_class(a.type) == H5T_INTEGER,
-               to_real = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
-    if (!a.single || !lg_is_number(a.type))
-        return attribute_error(h5, object, name, LG_FORMAT, to_real ? "is not a number" : "is not an integer",
-                               error);
-    if (H5Aread(a.attribute, lg_h5_memory_type(type), &value) < 0 ||
-        H5Aread(a.attribute, H5T_NATIVE_DOUBLE, &real) < 0 ||
-        (whole && H5Aread(a.attribute, lg_h5_long_type(a.type), &bits) < 0))
-        return attribute_error(h5, object, name, LG_FORMAT, "cannot be read", error);
-    if (!to_real && !whole && !lg_is_whole(real))
-        return attribute_error(h5, object, name, LG_FORMAT, "is not an integer", error);
+    LG_QUIET;
+    if (!lg_attribute_exists(h5, object, name)) return bad(&a, LG_NOT_FOUND, "is missing", error);
+    LG_ID attribute_id = H5Aopen_by_name(h5->file, at, name, H5P_DEFAULT, h5->links),
+          stored = H5Aget_type(attribute_id), space = H5Aget_space(attribute_id);
+    const hssize_t count = H5Sget_simple_extent_npoints(space);
+    const bool whole = H5Tget_class(stored) == H5T_INTEGER;
+    if (count > 1) return bad(&a, LG_FORMAT, "has more than one value, expected one: write a scalar", error);
+    if (count == 0 || !lg_is_number(stored)) return bad(&a, LG_FORMAT, wrong, error);
+    if (H5Aread(attribute_id, lg_h5_memory_type(type), &value) < 0 ||
+        H5Aread(attribute_id, H5T_NATIVE_DOUBLE, &real) < 0 ||
+        (whole && H5Aread(attribute_id, lg_h5_long_type(stored), &bits) < 0))
+        return bad(&a, LG_FORMAT, "cannot be read: write it again", error);
+    if (!to_real && !whole && !lg_is_whole(real)) return bad(&a, LG_FORMAT, wrong, error);
     /* HDF5 clips numbers that do not fit. */
     const bool minus = real < 0;
     const uint64_t magnitude = whole ? minus ? ~bits + 1 : bits : to_real ? 0 : (uint64_t)fabs(real);
-    if (!holds(type, minus, magnitude))
-        return attribute_error(h5, object, name, LG_FORMAT, "is out of range", error);
+    if (!holds(type, minus, magnitude)) return bad(&a, LG_FORMAT, "is out of range", error);
     memcpy(out, &value, lg_element_size(type));
     return LG_OK;
 }
@@ -148,9 +111,7 @@ lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error
     if (kind == NULL || (foreign && !has_kind)) return LG_OK;
     if (!has_kind)
         return lg_fail(error, LG_FORMAT, "%s: attribute kind is missing, expected '%s'", shown, kind);
-    const lg_status status = lg_h5_text(h5, "", "kind", text, sizeof text, error);
-    if (status == LG_SHAPE) return lg_fail(error, LG_FORMAT, "%s: attribute kind is too long", shown);
-    LG_TRY(status);
+    LG_TRY(lg_as_format(lg_h5_text(h5, "", "kind", text, sizeof text, error), error));
     if (strcmp(text, kind) != 0 && (ours || !foreign))
         return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected '%s': %s", shown,
                        lg_tamed(text), kind, lg_h5_what_is(text));

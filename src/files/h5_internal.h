@@ -65,6 +65,11 @@ void lg_dataset_close(const lg_dataset *d);
 hid_t lg_dataset_memory(const lg_dataset *d, hid_t type);
 /* Fails with LG_FORMAT and a message that names the data set. */
 lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, lg_error *error);
+#define LG_NO_NUMBERS "does not hold numbers: write an array of integers or floating-point numbers"
+#define LG_NO_CELLS   "holds neither numbers nor texts: write an array of numbers or of strings"
+/* Writes a shape as "(3, 4)". */
+enum { LG_SHAPE_TEXT = 8 + LG_MAX_RANK * 22 }; /* bytes that the longest shape takes */
+void lg_shape_text(char text[LG_SHAPE_TEXT], uint32_t rank, const uint64_t *dims);
 /* True if every link of the path exists and the last one leads to an object, and for "", the root group. Also
  * true if HDF5 cannot tell: then reading the object fails. */
 bool lg_path_exists(lg_h5 *h5, const char *name);

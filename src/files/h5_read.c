@@ -12,13 +12,6 @@
 
 /* ---- opening ---- */
 
-static lg_status check_file(const char *path, uint64_t *bytes, lg_error *error) {
-    FILE *file;
-    LG_TRY(lg_read_open(path, &file, bytes, error));
-    (void)fclose(file);
-    return *bytes > 0 ? LG_OK : lg_fail(error, LG_FORMAT, "%s: is empty", lg_shown_path(path));
-}
-
 static hid_t new_access_list(void) {
     hid_t access_list = H5Pcreate(H5P_FILE_ACCESS);
 #if H5_VERSION_GE(1, 10, 7)
@@ -43,13 +36,9 @@ static hid_t open_image(const lg_h5 *h5, void *image, size_t bytes) {
 
 /* Reads the file into memory itself: HDF5 would open the file for writing, though nothing is written to
  * it. */
-static hid_t open_copy(const lg_h5 *h5, uint64_t bytes) {
-    FILE *from = NULL;
-    uint64_t now;
+static hid_t open_copy(const lg_h5 *h5, FILE *from, uint64_t bytes) {
     LG_SCRATCH(char, image, h5->context, bytes);
-    if (image == NULL || lg_read_open(h5->path, &from, &now, NULL) != LG_OK) return H5I_INVALID_HID;
-    const bool whole = fread(image, 1, (size_t)bytes, from) == bytes;
-    (void)fclose(from);
+    const bool whole = image != NULL && fread(image, 1, (size_t)bytes, from) == bytes;
     return whole ? open_image(h5, image, (size_t)bytes) : H5I_INVALID_HID;
 }
 
@@ -57,17 +46,21 @@ static lg_status open_handle(const lg_context *context, const char *path, const 
                              bool edit, lg_h5 **out, lg_error *error) {
     lg_read_options chosen;
     LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = NULL;
+    FILE *from = NULL;
     uint64_t bytes = 0;
     LG_TRY(lg_read_options_resolve(options, &chosen, error));
     LG_TRY(lg_h5_new(context, path, &h5, error));
-    LG_TRY(check_file(path, &bytes, error));
+    LG_TRY(lg_read_open(path, &from, &bytes, error));
     const uint64_t plausible = bytes > UINT64_MAX / EXPANSION ? UINT64_MAX : bytes * EXPANSION;
     h5->max_size = chosen.max_size < plausible ? chosen.max_size : plausible;
     LG_QUIET;
-    h5->file = edit ? open_copy(h5, bytes) : open_file(path);
+    if (bytes > 0) h5->file = edit ? open_copy(h5, from, bytes) : open_file(path);
+    (void)fclose(from);
+    if (bytes == 0) return lg_fail(error, LG_FORMAT, "%s: is empty: write it again", lg_shown_path(path));
     if (h5->file < 0)
         return lg_fail(error, LG_FORMAT,
-                       "%s: is not an HDF5 file, or is cut short, damaged or still being written",
+                       "%s: is not an HDF5 file, or is cut short, damaged or still being written; write or "
+                       "copy it again",
                        lg_shown_path(path));
     return LG_MOVE(out, h5);
 }
@@ -105,10 +98,6 @@ lg_status lg_h5_read(const lg_context *context, const char *path, const lg_read_
 
 /* ---- data sets ---- */
 
-static lg_status no_room(const lg_h5 *h5, const char *name, lg_error *error) {
-    return lg_fail(error, LG_OUT_OF_MEMORY, "%s: /%s: out of memory", lg_shown_path(h5->path), name);
-}
-
 void lg_dataset_close(const lg_dataset *d) {
     lg_id_close(&d->type);
     lg_id_close(&d->set);
@@ -141,9 +130,11 @@ static lg_status read_extent(const lg_h5 *h5, const char *name, size_t bytes, lg
     int rank = kind == H5S_SIMPLE || kind == H5S_SCALAR ? H5Sget_simple_extent_ndims(space) : -1;
     hsize_t extent[H5S_MAX_RANK] = {0};
     if (rank > 0 && H5Sget_simple_extent_dims(space, extent, NULL) < 0) rank = -1;
-    if (rank < 0) return lg_dataset_error(h5, name, "has no shape", error);
+    if (rank < 0)
+        return lg_dataset_error(h5, name, "has no shape (a null data space); write an array", error);
     if (rank > LG_MAX_RANK)
-        return lg_fail(error, LG_FORMAT, "%s: /%s: has rank %d, but at most %d can be read",
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /%s: has rank %d, but at most %d can be read; write several data sets",
                        lg_shown_path(h5->path), name, rank, LG_MAX_RANK);
     uint64_t most = h5->max_size / bytes;
     d->rank = (uint32_t)rank;
@@ -156,8 +147,8 @@ static lg_status read_extent(const lg_h5 *h5, const char *name, size_t bytes, lg
         if (fits && extent[i] != 0) d->count *= extent[i];
     }
     if (!fits)
-        return lg_dataset_error(h5, name, "declares more data than the file can hold or the limit allows",
-                                error);
+        return lg_dataset_error(
+            h5, name, "declares more data than the file can hold or the limit allows; split it", error);
     if (none) d->count = 0;
     return LG_OK;
 }
@@ -165,14 +156,18 @@ static lg_status read_extent(const lg_h5 *h5, const char *name, size_t bytes, lg
 /* Opens a data set of any type. Fails with LG_FORMAT if it exceeds max_size at `bytes` bytes per element. */
 static lg_status open_set(lg_h5 *h5, const char *name, size_t bytes, lg_dataset *d, lg_error *error) {
     if (!lg_path_exists(h5, name))
-        return lg_fail(error, LG_NOT_FOUND, "%s: has no /%s", lg_shown_path(h5->path), name);
+        return lg_fail(error, LG_NOT_FOUND,
+                       "%s: has no /%s; write this data set, or rename the one that you mean",
+                       lg_shown_path(h5->path), name);
     d->set = H5Oopen(h5->file, name, h5->links);
     if (d->set >= 0 && H5Iget_type(d->set) != H5I_DATASET) {
         lg_id_close(&d->set);
         d->set = H5I_INVALID_HID;
     }
-    if (d->set < 0) return lg_dataset_error(h5, name, "is not a data set", error);
-    if (!is_local(d->set)) return lg_dataset_error(h5, name, "keeps its data in another file", error);
+    if (d->set < 0)
+        return lg_dataset_error(h5, name, "is not a data set; write an array under this name", error);
+    if (!is_local(d->set))
+        return lg_dataset_error(h5, name, "keeps its data in another file; write them into this one", error);
     d->type = H5Dget_type(d->set);
     return d->type >= 0 ? read_extent(h5, name, bytes, d, error)
                         : lg_dataset_error(h5, name, "has no type", error);
@@ -199,7 +194,7 @@ bool lg_is_number(hid_t type) {
 
 static lg_status open_numbers(lg_h5 *h5, const char *name, lg_dataset *d, lg_error *error) {
     LG_TRY(open_set(h5, name, sizeof(double), d, error));
-    return lg_is_number(d->type) ? LG_OK : lg_dataset_error(h5, name, "does not hold numbers", error);
+    return lg_is_number(d->type) ? LG_OK : lg_dataset_error(h5, name, LG_NO_NUMBERS, error);
 }
 
 static double spacing(hid_t type) {
@@ -246,7 +241,8 @@ static lg_status read_part(lg_h5 *h5, const char *name, const lg_dataset *d, hid
                        "%s: /%s: is compressed with '%s', which this HDF5 cannot undo: write it with gzip or "
                        "without compression",
                        lg_shown_path(h5->path), name, filter);
-    return lg_dataset_error(h5, name, "cannot be read: cut short, damaged, or a number out of range", error);
+    return lg_dataset_error(
+        h5, name, "cannot be read: cut short, damaged, or a number out of range; write it again", error);
 }
 
 /* If integers of the file and of memory differ only in sign and byte order, HDF5 reverses the bytes and does
@@ -264,15 +260,18 @@ static bool has_highest_bit(const unsigned char *values, uint64_t count, hid_t m
     return i < count;
 }
 
-enum { SHAPE_TEXT = 8 + LG_MAX_RANK * 22 }; /* bytes that the longest shape takes */
-
-/* Writes a shape as "(3, 4)". */
-static void shape_text(char text[SHAPE_TEXT], uint32_t rank, const uint64_t *dims) {
-    size_t used = (size_t)snprintf(text, SHAPE_TEXT, "(");
+void lg_shape_text(char text[LG_SHAPE_TEXT], uint32_t rank, const uint64_t *dims) {
+    (void)snprintf(text, LG_SHAPE_TEXT, "(");
     for (uint32_t i = 0; i < rank; i++)
-        used += (size_t)snprintf(text + used, SHAPE_TEXT - used, "%s%llu", i > 0 ? ", " : "",
-                                 (unsigned long long)dims[i]);
-    (void)snprintf(text + used, SHAPE_TEXT - used, ")");
+        lg_append(text, LG_SHAPE_TEXT, "%s%llu", i > 0 ? ", " : "", (unsigned long long)dims[i]);
+    lg_append(text, LG_SHAPE_TEXT, ")");
+}
+
+/* Writes the indices of number `at` of an array as "(0, 2)". */
+static void index_text(char text[LG_SHAPE_TEXT], uint32_t rank, const uint64_t *dims, uint64_t at) {
+    uint64_t index[LG_MAX_RANK];
+    for (uint32_t i = rank; i-- > 0; at /= dims[i]) index[i] = at % dims[i];
+    lg_shape_text(text, rank, index);
 }
 
 /* True for integers that may be beyond 2^53. */
@@ -287,12 +286,11 @@ hid_t lg_h5_long_type(hid_t stored) {
 
 static lg_status rounded(const lg_h5 *h5, const char *name, const lg_dataset *d, uint64_t at, bool minus,
                          uint64_t magnitude, lg_error *error) {
-    uint64_t index[LG_MAX_RANK] = {0}, rest = at;
-    for (uint32_t i = d->rank; i-- > 0; rest /= d->dims[i]) index[i] = rest % d->dims[i];
-    char where[SHAPE_TEXT];
-    shape_text(where, d->rank, index);
+    char where[LG_SHAPE_TEXT];
+    const uint64_t row = d->rank > 0 ? at / (d->count / d->dims[0]) : 0;
+    index_text(where, d->rank, d->dims, at);
     return lg_fail(error, LG_FORMAT, "%s: /%s: row %llu, index %s: %s%llu is beyond 2^53 and " LG_ROUNDED,
-                   lg_shown_path(h5->path), name, (unsigned long long)index[0] + 1, where, minus ? "-" : "",
+                   lg_shown_path(h5->path), name, (unsigned long long)row + 1, where, minus ? "-" : "",
                    (unsigned long long)magnitude);
 }
 
@@ -318,6 +316,7 @@ static lg_status read_doubles(lg_h5 *h5, const char *name, const lg_dataset *d, 
 
 static lg_status read_all(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t memory, void *out,
                           lg_error *error) {
+    if (d->count == 0) return LG_OK;
     if (memory == H5T_NATIVE_DOUBLE)
         return read_doubles(h5, name, d, H5S_ALL, H5S_ALL, 0, d->count, true, LG_H5_EXACT, out, error);
     LG_TRY(read_part(h5, name, d, memory, H5S_ALL, H5S_ALL, true, out, error));
@@ -325,27 +324,20 @@ static lg_status read_all(lg_h5 *h5, const char *name, const lg_dataset *d, hid_
     return lg_dataset_error(h5, name, "cannot be read: a number is out of range", error);
 }
 
-static lg_status read_dataset(lg_h5 *h5, const char *name, const lg_dataset *d, lg_element type, void *out,
-                              lg_error *error) {
-    bool to_float = type == LG_ELEMENT_F64 || type == LG_ELEMENT_F32;
-    if (!to_float && H5Tget_class(d->type) != H5T_INTEGER)
-        return lg_dataset_error(h5, name, "does not hold integers", error);
-    if (d->count == 0) return LG_OK;
-    return read_all(h5, name, d, lg_h5_memory_type(type), out, error);
-}
-
 lg_status lg_h5_get(lg_h5 *h5, const char *name, lg_element type, uint32_t rank, const uint64_t *dims,
                     void *out, lg_error *error) {
     LG_QUIET;
     LG_DATASET(d);
-    char have[SHAPE_TEXT], want[SHAPE_TEXT];
+    char have[LG_SHAPE_TEXT], want[LG_SHAPE_TEXT];
     LG_TRY(open_numbers(h5, name, &d, error));
-    if (d.rank == rank && (rank == 0 || memcmp(d.dims, dims, rank * sizeof *dims) == 0))
-        return read_dataset(h5, name, &d, type, out, error);
-    shape_text(have, d.rank, d.dims);
-    shape_text(want, rank, dims);
-    return lg_fail(error, LG_SHAPE, "%s: /%s: has shape %s, expected %s", lg_shown_path(h5->path), name, have,
-                   want);
+    lg_shape_text(have, d.rank, d.dims);
+    lg_shape_text(want, rank, dims);
+    if (strcmp(have, want) != 0)
+        return lg_fail(error, LG_SHAPE, "%s: /%s: has shape %s, expected %s", lg_shown_path(h5->path), name,
+                       have, want);
+    if (type != LG_ELEMENT_F64 && type != LG_ELEMENT_F32 && H5Tget_class(d.type) != H5T_INTEGER)
+        return lg_dataset_error(h5, name, "does not hold integers: write it with an integer type", error);
+    return read_all(h5, name, &d, lg_h5_memory_type(type), out, error);
 }
 
 lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, const uint64_t *dims,
@@ -354,11 +346,8 @@ lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, con
     for (uint32_t i = 0; i < rank; i++) count *= dims[i];
     while (at < count && isfinite(data[at])) at++;
     if (at == count) return LG_OK;
-    uint64_t index[LG_MAX_RANK];
-    uint64_t rest = at;
-    for (uint32_t i = rank; i-- > 0; rest /= dims[i]) index[i] = rest % dims[i];
-    char where[SHAPE_TEXT];
-    shape_text(where, rank, index);
+    char where[LG_SHAPE_TEXT];
+    index_text(where, rank, dims, at);
     return lg_fail(error, LG_NOT_FINITE, "%s: /%s: %s at index %s", lg_shown_path(path), name,
                    isnan(data[at]) ? "NaN" : "an infinity", where);
 }
@@ -438,13 +427,6 @@ lg_status lg_h5_look_member(lg_h5 *h5, const char *name, uint32_t index, char *t
     return LG_OK;
 }
 
-static lg_status get_all(lg_h5 *h5, const char *name, hid_t memory, void *out, lg_error *error) {
-    LG_QUIET;
-    LG_DATASET(d);
-    LG_TRY(open_set(h5, name, sizeof(double), &d, error));
-    return d.count > 0 ? read_all(h5, name, &d, memory, out, error) : LG_OK;
-}
-
 uint64_t lg_h5_block(const lg_h5_about *about, uint32_t axis) {
     const uint64_t all = about->dims[axis], row = about->count / all, megabyte = (1u << 20) / sizeof(double);
     const uint64_t chunk = about->chunk[axis];
@@ -491,15 +473,31 @@ bool lg_is_whole(double x) {
 
 lg_status lg_h5_get_wholes(lg_h5 *h5, const char *name, const lg_h5_about *about, int64_t *out,
                            lg_error *error) {
-    if (about->kind == LG_H5_WHOLE) return get_all(h5, name, H5T_NATIVE_INT64, out, error);
-    LG_TRY_SCRATCH(double, values, h5->context, about->count, no_room(h5, name, error));
-    LG_TRY(get_all(h5, name, H5T_NATIVE_DOUBLE, values, error));
+    if (about->kind == LG_H5_WHOLE) {
+        LG_QUIET;
+        LG_DATASET(d);
+        LG_TRY(open_set(h5, name, sizeof(double), &d, error));
+        return read_all(h5, name, &d, H5T_NATIVE_INT64, out, error);
+    }
+    LG_TRY_SCRATCH(double, values, h5->context, about->count, lg_h5_no_memory(h5, error));
+    LG_TRY(lg_h5_get(h5, name, LG_ELEMENT_F64, about->rank, about->dims, values, error));
     for (uint64_t i = 0; i < about->count; i++) {
         if (!lg_is_whole(values[i]))
             return lg_fail(error, isfinite(values[i]) ? LG_FORMAT : LG_NOT_FINITE,
                            "%s: /%s: %.17g at index (%llu) is not a whole number", lg_shown_path(h5->path),
                            name, values[i], (unsigned long long)i);
         out[i] = (int64_t)values[i];
+    }
+    return LG_OK;
+}
+
+lg_status lg_h5_narrow(const lg_h5 *h5, const char *name, const int64_t *values, uint64_t count,
+                       uint32_t most, uint32_t *out, lg_error *error) {
+    for (uint64_t i = 0; i < count; i++) {
+        if (values[i] < 0 || values[i] > most)
+            return lg_fail(error, LG_FORMAT, "%s: /%s: is %lld at index (%llu), expected 0 to %u",
+                           lg_shown_path(h5->path), name, (long long)values[i], (unsigned long long)i, most);
+        out[i] = (uint32_t)values[i];
     }
     return LG_OK;
 }
@@ -527,7 +525,7 @@ static herr_t sweep_attribute(hid_t location, const char *name, const H5A_info_t
 static lg_status sweep_numbers(lg_h5 *h5, const char *name, lg_error *error) {
     LG_DATASET(d);
     if (open_numbers(h5, name, &d, NULL) != LG_OK) return LG_OK;
-    LG_TRY_SCRATCH(double, data, h5->context, d.count, no_room(h5, name, error));
+    LG_TRY_SCRATCH(double, data, h5->context, d.count, lg_h5_no_memory(h5, error));
     if (d.count == 0) return LG_OK;
     return read_part(h5, name, &d, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, true, data, error);
 }
@@ -535,8 +533,8 @@ static lg_status sweep_numbers(lg_h5 *h5, const char *name, lg_error *error) {
 static herr_t sweep_object(hid_t root, const char *name, const H5O_info_t *info, void *user) {
     sweep *s = user;
     if (lg_h5_is_deep(name)) {
-        s->status =
-            lg_fail(s->error, LG_FORMAT, "%s: groups are nested too deep", lg_shown_path(s->h5->path));
+        s->status = lg_fail(s->error, LG_FORMAT, "%s: groups are nested too deep: move the data to the root",
+                            lg_shown_path(s->h5->path));
         return 1;
     }
     LG_ID object = H5Oopen(root, name, s->h5->links);
@@ -551,6 +549,7 @@ lg_status lg_h5_read_all(lg_h5 *h5, lg_error *error) {
     sweep s = {h5, LG_OK, error};
     const herr_t visited = H5Ovisit(h5->file, H5_INDEX_NAME, H5_ITER_NATIVE, sweep_object, &s);
     if (s.status == LG_OK && visited < 0)
-        return lg_fail(error, LG_FORMAT, "%s: is cut short or damaged", lg_shown_path(h5->path));
+        return lg_fail(error, LG_FORMAT, "%s: is cut short or damaged: write it again",
+                       lg_shown_path(h5->path));
     return s.status;
 }

@@ -1036,7 +1036,7 @@ TEST("a model whose names or scales do not fit its network is refused") {
     cli_expect(fit, train, 0, "");
     put_instead("model.h5", "/scaler/inputs/mean", H5T_NATIVE_DOUBLE, 2, two);
     cli_expect(fit, "predict model.h5 smooth.csv", 3,
-               "/scaler/inputs/mean: has shape (2 columns), expected (3 columns as in /model)");
+               "/scaler/inputs/mean: has shape (2), expected (3 columns as in /model)");
     lg_recipe_release(&lg_recipe_table, NULL);
 }
 
@@ -1047,7 +1047,8 @@ TEST("files that are not tables cause a message and an exit code too") {
         {"{'descr': '<c16', 'fortran_order': False, 'shape': (2, 2), }\n", "type"},
         {"{'descr': '|O', 'fortran_order': False, 'shape': (2, 2), }\n", "type"},
         {"{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (2,), }\n", "holds records of type"},
-        {"{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2, 2), }\n", "one or two dimensions"},
+        {"{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2, 2), }\n",
+         "expected (rows) or (rows, columns)"},
         {"{'descr': '<f8', 'fortran_order': False, 'shape': (), }\n", "single number"},
         {"{'descr': '<f8', 'fortran_order': False, 'shape': (0, 3), }\n", "dimensions is 0"},
         {"{'descr': '<f8', 'fortran_order': False, 'shape': (9, 3), }\n", "cut off"},

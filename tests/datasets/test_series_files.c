@@ -206,17 +206,17 @@ static void put_labels(const char *path, const char *name, hid_t stored, int ran
     replace_dataset(path, name, stored, H5T_NATIVE_DOUBLE, rank, dims, values);
 }
 
-/* size 0: variable length. */
+/* size 0: variable length; rank -2: a row. */
 static void put_text_labels(const char *path, const char *name, size_t size, H5T_str_t padding, int rank,
                             const char *const *values) {
-    const hsize_t dims[2] = {WINDOWS, 1};
+    const hsize_t dims[2] = {rank < 0 ? 1 : WINDOWS, rank < 0 ? WINDOWS : 1};
     char fixed[WINDOWS * 128];
     hid_t type = H5Tcopy(H5T_C_S1);
     assert_true(H5Tset_size(type, size > 0 ? size : H5T_VARIABLE) >= 0 && H5Tset_strpad(type, padding) >= 0);
     memset(fixed, padding == H5T_STR_SPACEPAD ? ' ' : 0, sizeof fixed);
     for (size_t i = 0; i < WINDOWS && size > 0; i++)
         memcpy(fixed + i * size, values[i], strlen(values[i]) < size ? strlen(values[i]) : size);
-    replace_dataset(path, name, type, type, rank, dims,
+    replace_dataset(path, name, type, type, abs(rank), dims,
                     size > 0 ? (const void *)fixed : (const void *)values);
     assert_true(H5Tclose(type) >= 0);
 }
@@ -308,11 +308,9 @@ TEST("labels may be texts") {
         size_t size;
         H5T_str_t padding;
         int rank;
-    } types[] = {{0, H5T_STR_NULLTERM, 1},
-                 {0, H5T_STR_NULLTERM, 2},
-                 {8, H5T_STR_NULLPAD, 1}, /* "worn out" without a terminator */
-                 {16, H5T_STR_NULLTERM, 2},
-                 {20, H5T_STR_SPACEPAD, 1}};
+    } types[] = {{0, H5T_STR_NULLTERM, 1},   {0, H5T_STR_NULLTERM, 2},
+                 {0, H5T_STR_NULLTERM, -2},  {8, H5T_STR_NULLPAD, 1}, /* "worn out" without a terminator */
+                 {16, H5T_STR_NULLTERM, -2}, {20, H5T_STR_SPACEPAD, 1}};
     for (size_t i = 0; i < LG_COUNT(types); i++) {
         const char *path = foreign_file(H5T_IEEE_F32LE, 3, false);
         put_text_labels(path, "y", types[i].size, types[i].padding, types[i].rank, words);
@@ -675,29 +673,27 @@ TEST("a damaged file is refused") {
 
 TEST("errors in a file are refused by name") {
     static const damage rows[] = {
-        {"X", ARRAY(0, 60), LG_FORMAT, "has rank 1, expected 2: (>= 1 windows, >= 1 samples)"},
+        {"X", ARRAY(0, 60), LG_FORMAT, "has shape (60), expected (>= 1 windows, >= 1 samples)"},
         {"X", ARRAY(0, 6, 2, 5, 1), LG_FORMAT,
-         "rank 4, expected 3: (>= 1 windows, >= 1 channels, >= 1 samples)"},
-        {"X", ARRAY(0, 0, 2, 5), LG_FORMAT, "0 windows"},
-        {"X", ARRAY(0, 6, 0, 5), LG_FORMAT, "(6 windows, 0 channels, 5 samples), expected (>= 1 windows"},
-        {"X", ARRAY(0, 6, 2, 0), LG_FORMAT, "0 samples"},
-        {"X", ARRAY(0, 6, 0), LG_FORMAT,
-         "has shape (6 windows, 0 samples), expected (>= 1 windows, >= 1 samples)"},
-        {"X", ARRAY(0, 7, 2, 5), LG_FORMAT, "/y: has shape (6 windows), expected (7 windows as in /X)"},
+         "(6, 2, 5, 1), expected (>= 1 windows, >= 1 channels, >= 1 samples)"},
+        {"X", ARRAY(0, 0, 2, 5), LG_FORMAT, "(0, 2, 5)"},
+        {"X", ARRAY(0, 6, 0, 5), LG_FORMAT, "(6, 0, 5), expected (>= 1 windows"},
+        {"X", ARRAY(0, 6, 2, 0), LG_FORMAT, "(6, 2, 0)"},
+        {"X", ARRAY(0, 6, 0), LG_FORMAT, "has shape (6, 0), expected (>= 1 windows, >= 1 samples)"},
+        {"X", ARRAY(0, 7, 2, 5), LG_FORMAT, "/y: has shape (6), expected (7 windows as in /X)"},
         {"X", ARRAY(NAN, 6, 2, 5), LG_NOT_FINITE, "NaN in window 0, channel 0, sample 0"},
         {"X", ARRAY(INFINITY, 6, 2, 5), LG_NOT_FINITE, "single precision in window 0"},
         {"X", ARRAY(-1e39, 6, 2, 5), LG_NOT_FINITE, "single precision"},
         {"X", ARRAY(0, 6, 3, 5), LG_FORMAT, "~channels: 2 names, expected 3"},
-        {"y", ARRAY(0, 5), LG_FORMAT, "has shape (5 windows), expected (6 windows as in /X)"},
-        {"y", ARRAY(0, 0), LG_FORMAT, "has shape (0 windows)"},
-        {"y", ARRAY(0, 6, 2), LG_FORMAT,
-         "(6 windows, 2 per window), expected (6 windows as in /X, 1 per window)"},
-        {"y", ARRAY(0, 6, 0), LG_FORMAT, "(6 windows, 0 per window)"},
-        {"y", ARRAY(0, 2, 3), LG_FORMAT, "(2 windows, 3 per window)"},
+        {"y", ARRAY(0, 5), LG_FORMAT, "has shape (5), expected (6 windows as in /X)"},
+        {"y", ARRAY(0, 0), LG_FORMAT, "has shape (0)"},
+        {"y", ARRAY(0, 6, 2), LG_FORMAT, "(6, 2), expected (6 windows as in /X)"},
+        {"y", ARRAY(0, 6, 0), LG_FORMAT, "(6, 0)"},
+        {"y", ARRAY(0, 2, 3), LG_FORMAT, "(2, 3)"},
         {"y", ARRAY(3, 1, 6), LG_FORMAT, "3 names, but /y has 1 different labels from '3' to '3'"},
-        {"y", ARRAY(0, 1, 5), LG_FORMAT, "(1 per window, 5 windows)"},
-        {"run", ARRAY(1, 2, 3), LG_FORMAT, "(2 windows, 3 per window)"},
-        {"y", ARRAY(0, 6, 1, 1), LG_FORMAT, "rank 3"},
+        {"y", ARRAY(0, 1, 5), LG_FORMAT, "(1, 5)"},
+        {"run", ARRAY(1, 2, 3), LG_FORMAT, "(2, 3)"},
+        {"y", ARRAY(0, 6, 1, 2), LG_FORMAT, "(6, 1, 2)"},
         {"y", ARRAY(0.5, 6), LG_FORMAT, "0.5 at index (0) is not a whole number"},
         {"y", ARRAY(NAN, 6), LG_NOT_FINITE, "index (0)"},
         {"y", ARRAY(INFINITY, 6), LG_NOT_FINITE, "index (0)"},
@@ -708,10 +704,10 @@ TEST("errors in a file are refused by name") {
         {"group", ARRAY(-1, 6), LG_FORMAT, "is -1 at index (0)"},
         {"group", ARRAY(4294967296, 6), LG_FORMAT, "is 4294967296 at index (0)"},
         {"group", ARRAY(1.5, 6), LG_FORMAT, "whole"},
-        {"group", ARRAY(1, 7), LG_FORMAT, "/group: has shape (7 windows)"},
-        {"run", ARRAY(1, 5), LG_FORMAT, "/run: has shape (5 windows)"},
+        {"group", ARRAY(1, 7), LG_FORMAT, "/group: has shape (7)"},
+        {"run", ARRAY(1, 5), LG_FORMAT, "/run: has shape (5)"},
         {"run", ARRAY(-3, 6), LG_FORMAT, "is -3"},
-        {"run", ARRAY(1, 6, 3), LG_FORMAT, "(6 windows, 3 per window)"},
+        {"run", ARRAY(1, 6, 3), LG_FORMAT, "(6, 3)"},
         {"X", GONE, LG_FORMAT, "has no"},
         {"y", GONE, LG_FORMAT, "has no"},
         /* Sizes for which there is no memory, declared without any data. */

@@ -352,8 +352,11 @@ TEST("wrong files of numpy are refused") {
         {1, 0, "{'descr': '<f8', 'shape': (2,)}", 16, "has no shape"},
         {1, 0, "{'descr': '<f8', 'fortran_order': False}", 16, "has no shape"},
         {1, 0, "{'descr': '<f8', 'fortran_order': False, 'shape': 2}", 16, "has no shape"},
-        {1, 0, NUMPY("<f8", "False", "1, 1, 1"), 8, "one or two dimensions"},
-        {1, 0, NUMPY("<f8", "False", "a"), 8, "one or two dimensions"},
+        {1, 0, NUMPY("<f8", "False", "1, 1, 1"), 8,
+         "has shape (1, 1, 1), expected (rows) or (rows, columns): save a.reshape(len(a), -1)"},
+        {1, 0, NUMPY("<f8", "False", "-1,"), 8, "has shape (-1,), expected (rows)"},
+        {1, 0, NUMPY("<f8", "False", "2, -1"), 8, "has shape (2, -1), expected (rows)"},
+        {1, 0, NUMPY("<f8", "False", "a"), 8, "has shape (a), expected (rows)"},
         {1, 0, NUMPY("<f8", "False", ""), 8, "is a single number"},
         {1, 0, NUMPY("<f8", "False", "0,"), 0, "one of its dimensions is 0"},
         {1, 0, NUMPY("<f8", "False", "3, 0"), 0, "one of its dimensions is 0"},
@@ -361,8 +364,10 @@ TEST("wrong files of numpy are refused") {
         {1, 0, NUMPY("<f8", "False", "2,"), 15, "is cut off: its header announces (2, 1) numbers"},
         {1, 0, NUMPY("<f8", "False", "2305843009213693953, 8"), 64, "is cut off"}, /* 64 bytes modulo 2^64 */
         {1, 0, NUMPY("<f8", "False", "2,"), 17, "1 bytes follow after its array"},
+        {1, 0, NUMPY("|b1", "False", "64,"), 64,
+         "row 64: column c0: a value of type b1 is 7, expected 0 or 1: save a.view('u1')"},
     };
-    static const char zeros[64];
+    static const char zeros[64] = {[63] = 7};
     const char *const name = "c0";
     lg_table_data data;
     lg_error error = {LG_OK, ""};

@@ -154,13 +154,13 @@ TEST("files of other programs are read") {
 TEST("optional arrays and attributes are read in the types that other programs use") {
     const lg_elastica_data *data = make_curves(3.3, INTERVALS, CURVES, false);
     const char *path = foreign_file(&data->curves, H5T_IEEE_F64LE, false);
-    const hsize_t n = CURVES;
+    const hsize_t n = CURVES, column[2] = {CURVES, 1}, row[2] = {1, CURVES};
     const double energy[CURVES] = {1, 2, 3, 4, 5, 6};
     const int64_t kinds[CURVES] = {0, 1, 1, 0, 0, 1};
     const double x[CURVES] = {0, 0.5, 1, 1.5, 2, 2.5}, length = 3.5;
-    replace_dataset(path, "energy", H5T_IEEE_F32BE, H5T_NATIVE_DOUBLE, 1, &n, energy);
+    replace_dataset(path, "energy", H5T_IEEE_F32BE, H5T_NATIVE_DOUBLE, 2, column, energy);
     replace_dataset(path, "x", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &n, x);
-    replace_dataset(path, "case", H5T_STD_I64BE, H5T_NATIVE_INT64, 1, &n, kinds);
+    replace_dataset(path, "case", H5T_STD_I64BE, H5T_NATIVE_INT64, 2, row, kinds);
     replace_attribute(path, "/", "length", H5T_IEEE_F32LE, H5T_NATIVE_DOUBLE, &length);
     replace_integer(path, "/", "stiffness", 12);
     replace_text(path, "/", "values", "continuous");
@@ -222,30 +222,30 @@ TEST("a damaged file is refused") {
 
 TEST("errors in a file are refused by name, and the format of other programs is accepted") {
     static const damage rows[] = {
-        {"boundary", ARRAY(0, 48), LG_FORMAT, "rank"},
-        {"boundary", ARRAY(0, 6, 7), LG_FORMAT, "(6 curves, 7), expected (>= 1 curves, 8)"},
+        {"boundary", ARRAY(0, 48), LG_FORMAT, "(48), expected (>= 1 curves, 8)"},
+        {"boundary", ARRAY(0, 6, 7), LG_FORMAT, "(6, 7), expected (>= 1 curves, 8)"},
         {"boundary", ARRAY(0, 0, 8), LG_FORMAT, ""},
         {"boundary", ARRAY(NAN, 6, 8), LG_NOT_FINITE, "(0, 0)"},
         {"boundary", ARRAY(1, 6, 8), LG_FORMAT, "length 1.41"},
         {"boundary", ARRAY(0, 5, 8), LG_FORMAT, "q"},
-        {"q", ARRAY(0, 6, 11, 3), LG_FORMAT, "(6 curves, 11 nodes, 3)"},
-        {"q", ARRAY(0, 6, 22), LG_FORMAT, "rank"},
+        {"q", ARRAY(0, 6, 11, 3), LG_FORMAT, "(6, 11, 3)"},
+        {"q", ARRAY(0, 6, 22), LG_FORMAT, "(6, 22)"},
         {"q", ARRAY(0, 6, 2, 2), LG_FORMAT, "N of 2"},
         {"q", ARRAY(0, 6, 0, 2), LG_FORMAT, ""},
-        {"q", ARRAY(0, 5, 11, 2), LG_FORMAT, "5 curves"},
+        {"q", ARRAY(0, 5, 11, 2), LG_FORMAT, "(5, 11, 2)"},
         {"q", ARRAY(INFINITY, 6, 11, 2), LG_NOT_FINITE, "(0, 0, 0)"},
         {"q", ARRAY(0, 6, 11, 2), LG_FORMAT, "ends at"},
         {"v", ARRAY(0, 6, 12, 2), LG_FORMAT,
-         "(6 curves, 12 nodes, 2), expected (6 curves as in /boundary, 11 nodes as in /q, 2)"},
-        {"v", ARRAY(0, 7, 11, 2), LG_FORMAT, "7 curves"},
+         "(6, 12, 2), expected (6 curves as in /boundary, 11 nodes as in /q, 2)"},
+        {"v", ARRAY(0, 7, 11, 2), LG_FORMAT, "(7, 11, 2)"},
         {"v", ARRAY(NAN, 6, 11, 2), LG_NOT_FINITE, "(0, 0, 0)"},
         {"v", ARRAY(0.6, 6, 11, 2), LG_FORMAT, "begins at"},
-        {"energy", ARRAY(1, 5), LG_FORMAT, "5 curves"},
+        {"energy", ARRAY(1, 5), LG_FORMAT, "(5)"},
         {"energy", ARRAY(NAN, 6), LG_NOT_FINITE, "(0)"},
-        {"x", ARRAY(1, 6, 1), LG_FORMAT, "rank"},
-        {"case", ARRAY(1, 7), LG_FORMAT, "7 curves"},
+        {"x", ARRAY(1, 6, 2), LG_FORMAT, "(6, 2), expected (6 curves as in /boundary)"},
+        {"case", ARRAY(1, 7), LG_FORMAT, "(7)"},
         {"case", ARRAY(2, 6), LG_FORMAT, "is 2 at index (0)"},
-        {"case", ARRAY(0.5, 6), LG_FORMAT, "is 0.5"},
+        {"case", ARRAY(0.5, 6), LG_FORMAT, "0.5 at index (0) is not a whole number"},
         {"case", ARRAY(-1, 6), LG_FORMAT, "is -1"},
         {"case", ARRAY(NAN, 6), LG_NOT_FINITE, "(0)"},
         {"boundary", GONE, LG_FORMAT, ""},

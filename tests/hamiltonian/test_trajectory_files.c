@@ -122,9 +122,14 @@ TEST("the system that made the data is read back, with all its parameters") {
     assert_string_equal(lg_system_form(back->truth), "hamiltonian");
     assert_int_equal(lg_system_parameter_count(back->truth), 5);
     assert_memory_equal(lg_system_parameter_values(back->truth), ((double[]){9.81, 1, 1.3, 1, 0.8}), 40);
-    const hsize_t one = 1, square[2] = {1, 2};
-    replace_dataset(path, "parameters/masses", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, square, masses);
-    assert_refused(read_and_free, path, LG_FORMAT, "/parameters/masses", "rank");
+    const hsize_t one = 1, row[2] = {1, 2}, square[2] = {2, 2};
+    replace_dataset(path, "parameters/masses", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, row, masses);
+    replace_dataset(path, "parameters/gravity", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 0, NULL, &gravity);
+    const lg_trajectories *other = read_trajectories(path);
+    assert_memory_equal(lg_system_parameter_values(other->truth), ((double[]){9.81, 1, 1.3, 1, 0.8}), 40);
+    replace_dataset(path, "parameters/masses", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, square,
+                    (double[]){1, 2, 3, 4});
+    assert_refused(read_and_free, path, LG_FORMAT, "/parameters/masses", "(2, 2)");
     replace_dataset(path, "parameters/masses", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 1, &one, masses);
     assert_refused(read_and_free, path, LG_FORMAT, "/parameters", "masses");
     delete_link(path, "parameters/masses");
@@ -310,6 +315,40 @@ static void put_doubles(const char *path, const char *name, int rank, const hsiz
     replace_dataset(path, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, rank, dims, data);
 }
 
+TEST("a column or a row is read where a list is wanted") {
+    const lg_trajectories *good = read_trajectories(good_file());
+    for (int row = 0; row < 2; row++) {
+        const char *path = good_file();
+        const hsize_t times[2] = {row ? 1 : 5, row ? 5 : 1}, runs[2] = {row ? 1 : 3, row ? 3 : 1};
+        replace_dataset(path, "t", H5T_IEEE_F64BE, H5T_NATIVE_DOUBLE, 2, times, good->t);
+        replace_dataset(path, "hamiltonian", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, runs, good->hamiltonian);
+        const lg_trajectories *back = read_trajectories(path);
+        assert_string_equal(back->sha256, good->sha256);
+        assert_memory_equal(back->hamiltonian, good->hamiltonian, 3 * sizeof(double));
+        put_doubles(path, "t", 2, times, 3, NAN);
+        assert_refused(read_and_free, path, LG_NOT_FINITE, "/t: NaN at index", row ? "(0, 3)" : "(3, 0)");
+    }
+}
+
+TEST("times may be dates, which become seconds since the first one") {
+    const char *path = good_file();
+    const char *dates[5] = {"2024-02-29T23:59:59.975Z", "2024-03-01T00:00:00Z", "2024-03-01T00:00:00.025Z",
+                            "2024-03-01T01:00:00.05+01:00", "2024-03-01T00:00:00.075Z"};
+    const hsize_t column[2] = {5, 1};
+    hid_t text = H5Tcopy(H5T_C_S1);
+    assert_true(H5Tset_size(text, H5T_VARIABLE) >= 0);
+    replace_dataset(path, "t", text, text, 2, column, dates);
+    const lg_trajectories *back = read_trajectories(path);
+    for (int i = 0; i < 5; i++) assert_close(back->t[i], 0.025 * i, 1e-15, 0);
+    dates[3] = "00:00:00.05";
+    replace_dataset(path, "t", text, text, 2, column, dates);
+    assert_refused(read_and_free, path, LG_FORMAT, "/t: the text at index (3) is no time in the format", "");
+    dates[0] = "soon";
+    replace_dataset(path, "t", text, text, 2, column, dates);
+    assert_refused(read_and_free, path, LG_FORMAT, "/t: the text at index (0)", "dates such as 2024-");
+    assert_true(H5Tclose(text) >= 0);
+}
+
 /* One case per row: a data set that replaces the good one (3 trajectories, 5 points, d = 6). */
 typedef struct bad_data {
     const char *name;
@@ -323,15 +362,15 @@ typedef struct bad_data {
 
 TEST("a data set of a wrong shape or value is refused by name") {
     const bad_data cases[] = {
-        {"t", 2, {5, 1}, SIZE_MAX, 0, LG_FORMAT, "/t", "rank"},
+        {"t", 2, {5, 2}, SIZE_MAX, 0, LG_FORMAT, "/t", "(5, 2), expected (5 points as in /trajectories)"},
         {"t", 1, {4}, SIZE_MAX, 0, LG_FORMAT, "/t", "4"},
         {"t", 1, {0}, SIZE_MAX, 0, LG_FORMAT, "/t", ""},
         {"t", 1, {5}, 3, NAN, LG_NOT_FINITE, "/t", "(3)"},
         {"t", 1, {5}, 2, 1.5, LG_FORMAT, "/t", "equidistant"},
         {"t", 1, {5}, 2, 1.0, LG_FORMAT, "/t", "increase"},
         {"t", 1, {5}, 4, -9.0, LG_FORMAT, "/t", "increase"},
-        {"trajectories", 2, {15, 6}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", "rank"},
-        {"trajectories", 4, {3, 5, 6, 1}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", "rank"},
+        {"trajectories", 2, {15, 6}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", "(15, 6)"},
+        {"trajectories", 4, {3, 5, 6, 1}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", "(3, 5, 6, 1)"},
         {"trajectories", 3, {3, 1, 6}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", "M >= 2"},
         {"trajectories", 3, {0, 5, 6}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", ">= 1 trajectories"},
         {"trajectories", 3, {3, 5, 5}, SIZE_MAX, 0, LG_FORMAT, "/trajectories", "d = 5"},
@@ -342,7 +381,7 @@ TEST("a data set of a wrong shape or value is refused by name") {
         {"trajectories", 3, {3, 5, 6}, 30, 1.00001, LG_FORMAT, "/trajectories", "trajectory 1"},
         {"trajectories", 3, {3, 5, 6}, 63, 0.001, LG_FORMAT, "/trajectories", "trajectory 2"},
         {"hamiltonian", 1, {4}, SIZE_MAX, 0, LG_FORMAT, "/hamiltonian", "4"},
-        {"hamiltonian", 2, {3, 1}, SIZE_MAX, 0, LG_FORMAT, "/hamiltonian", "rank"},
+        {"hamiltonian", 2, {3, 3}, SIZE_MAX, 0, LG_FORMAT, "/hamiltonian", "(3, 3)"},
         {"hamiltonian", 1, {3}, 2, NAN, LG_NOT_FINITE, "/hamiltonian", "(2)"},
         {"inputs",
          3,
@@ -352,7 +391,7 @@ TEST("a data set of a wrong shape or value is refused by name") {
          LG_FORMAT,
          "/inputs",
          "(3 trajectories as in /trajectories, 4 intervals, >= 1 inputs)"},
-        {"inputs", 2, {3, 4}, SIZE_MAX, 0, LG_FORMAT, "/inputs", "rank"},
+        {"inputs", 2, {3, 4}, SIZE_MAX, 0, LG_FORMAT, "/inputs", "(3, 4)"},
         {"inputs",
          3,
          {2, 4, 2},
@@ -452,7 +491,7 @@ TEST("a value of a wrong type is refused") {
         assert_true(text >= 0 && H5Tset_size(text, 4) >= 0);
         replace_dataset(path, names[i], text, text, 1, &one, "abc");
         assert_true(H5Tclose(text) >= 0);
-        assert_refused(read_and_free, path, LG_FORMAT, key, "numbers");
+        assert_refused(read_and_free, path, LG_FORMAT, key, i == 0 ? "(1), expected (5 points" : "numbers");
         hid_t file = open_for_change(path);
         assert_true(H5Ldelete(file, names[i], H5P_DEFAULT) >= 0);
         hid_t group = H5Gcreate2(file, names[i], H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);

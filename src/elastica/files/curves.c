@@ -71,28 +71,19 @@ static lg_status read_arrays(lg_h5 *h5, lg_elastica_data *data, lg_error *error)
     return lg_h5_get_arrays(h5, arrays + 2, ARRAYS - 2, error);
 }
 
-static lg_status kinds_of(lg_h5 *h5, lg_elastica_data *data, const double *values, lg_error *error) {
-    lg_elastica_curves *c = &data->curves;
-    for (size_t i = 0; i < c->count; i++)
-        if (!(values[i] == floor(values[i]) && values[i] >= 0 && values[i] < LG_ELASTICA_CASE_COUNT))
-            return lg_fail(error, LG_FORMAT, "%s: /case: is %g at index (%zu), expected 0 to %d",
-                           lg_shown_path(h5->path), values[i], i, LG_ELASTICA_CASE_COUNT - 1);
-    c->kind = lg_alloc(h5->context, c->count, sizeof *c->kind);
-    if (c->kind == NULL) return lg_h5_no_memory(h5, error);
-    for (size_t i = 0; i < c->count; i++) c->kind[i] = (uint32_t)values[i];
-    return LG_OK;
-}
-
 /* Reads /case, whole numbers in any number type, because other programs write floats. */
 static lg_status read_kinds(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {
-    LG_CLEAN(lg_owned_free) lg_owned values = {h5->context, NULL};
-    double *read = NULL;
-    sizes s = sizes_of(&data->curves);
-    const lg_h5_array kinds = {"case", &read, {&s.curves}, true};
-    const lg_status status = lg_h5_get_arrays(h5, &kinds, 1, error);
-    values.memory = read;
-    LG_TRY(status);
-    return read != NULL ? kinds_of(h5, data, read, error) : LG_OK;
+    lg_elastica_curves *c = &data->curves;
+    lg_h5_about about;
+    sizes s = sizes_of(c);
+    const lg_h5_array kinds = {.name = "case", .dims = {&s.curves}};
+    if (!lg_h5_has(h5, "case")) return LG_OK;
+    LG_TRY(lg_h5_fit(h5, &kinds, sizeof(int64_t), false, &about, error));
+    LG_TRY_SCRATCH(int64_t, values, h5->context, c->count, lg_h5_no_memory(h5, error));
+    LG_TRY(lg_h5_get_wholes(h5, "case", &about, values, error));
+    c->kind = lg_alloc(h5->context, c->count, sizeof *c->kind);
+    if (c->kind == NULL) return lg_h5_no_memory(h5, error);
+    return lg_h5_narrow(h5, "case", values, c->count, LG_ELASTICA_CASE_COUNT - 1, c->kind, error);
 }
 
 /* ---- checks of the curves ---- */
@@ -112,9 +103,10 @@ static lg_status check_ends(lg_h5 *h5, lg_elastica_data *data, lg_error *error) 
     for (size_t i = 0; i < c->count; i++) {
         const double *b = c->boundary + BOUNDARY * i;
         if (!near(hypot(b[V0], b[V0 + 1]), 1) || !near(hypot(b[VN], b[VN + 1]), 1))
-            return lg_fail(error, LG_FORMAT,
-                           "%s: /boundary: a tangent of curve (%zu) has length %.9g or %.9g, not 1",
-                           lg_shown_path(h5->path), i, hypot(b[V0], b[V0 + 1]), hypot(b[VN], b[VN + 1]));
+            return lg_fail(
+                error, LG_FORMAT,
+                "%s: /boundary: a tangent of curve (%zu) has length %.9g or %.9g, not 1: normalise it",
+                lg_shown_path(h5->path), i, hypot(b[V0], b[V0 + 1]), hypot(b[VN], b[VN + 1]));
         for (size_t e = 0; e < LG_COUNT(ends); e++) {
             const double *node = ends[e].values + row * i + ends[e].node, *wanted = b + ends[e].at;
             if (near(node[0], wanted[0]) && near(node[1], wanted[1])) continue;

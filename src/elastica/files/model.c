@@ -49,28 +49,19 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
 
 /* ---- other arrays and numbers of the file ---- */
 
-static lg_status missing_modes(const lg_h5 *h5, lg_status status, lg_error *error) {
-    return lg_fail(error, status, "%s: the model has modes, but the numbers of the modes are missing",
-                   lg_shown_path(h5->path));
-}
-
 /* Writes /model/mean (n) and /model/modes (K, n), n = 4(N - 1). */
 static lg_status put_modes(lg_h5 *h5, const void *file, lg_error *error) {
     const lg_surrogate *model = &((const lg_surrogate_file *)file)->run.model;
     const uint64_t n = 4 * ((uint64_t)model->intervals - 1), dims[2] = {model->options.modes, n};
     if (model->options.modes == 0) return LG_OK;
-    if (model->modes == NULL) return missing_modes(h5, LG_INVALID_ARGUMENT, error);
+    if (model->modes == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%s: the model has modes, but the numbers of the modes are missing",
+                       lg_shown_path(h5->path));
     LG_TRY(lg_check_finite(h5->path, "model/mean", 1, &n, model->modes, error));
     LG_TRY(lg_check_finite(h5->path, "model/modes", 2, dims, model->modes + n, error));
     LG_TRY(lg_h5_put(h5, "model/mean", LG_ELEMENT_F64, 1, &n, model->modes, error));
     return lg_h5_put(h5, "model/modes", LG_ELEMENT_F64, 2, dims, model->modes + n, error);
-}
-
-/* Reads an array, which must have the shape that the attributes imply and finite numbers. */
-static lg_status get_fixed(lg_h5 *h5, const char *name, uint32_t rank, const uint64_t *wanted, double *out,
-                           lg_error *error) {
-    LG_TRY(lg_as_format(lg_h5_get(h5, name, LG_ELEMENT_F64, rank, wanted, out, error), error));
-    return lg_check_finite(h5->path, name, rank, wanted, out, error);
 }
 
 static lg_status get_modes(lg_h5 *h5, void *user, lg_error *error) {
@@ -81,8 +72,8 @@ static lg_status get_modes(lg_h5 *h5, void *user, lg_error *error) {
     file->modes = lg_alloc(h5->context, lg_surrogate_modes_size(model), sizeof *file->modes);
     if (file->modes == NULL) return lg_h5_no_memory(h5, error);
     model->modes = file->modes;
-    LG_TRY(get_fixed(h5, "model/mean", 1, &n, file->modes, error));
-    return get_fixed(h5, "model/modes", 2, dims, file->modes + n, error);
+    LG_TRY(lg_h5_get_finite(h5, "model/mean", 1, &n, file->modes, error));
+    return lg_h5_get_finite(h5, "model/modes", 2, dims, file->modes + n, error);
 }
 
 #define RESULT(member, ...)                                                                                  \

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "files/frame.h"
 #include "files/h5.h"
 #include "hamiltonian/files/constrained.h"
 #include "hamiltonian/files/family.h"
@@ -168,27 +169,45 @@ typedef struct read_call {
     lg_h5 *h5;
     lg_trajectories *out;
     double epsilon; /* relative rounding error of the type that stores /t */
+    lg_clock clock; /* of times that are texts */
     bool project;
     const lg_program *constraint; /* of the options */
 } read_call;
+
+/* Times that are texts become seconds since the first one, as in a log. */
+static lg_status take_time(void *user, uint64_t index, const char *text, lg_error *error) {
+    read_call *call = user;
+    lg_moment now;
+    const char *end = lg_moment_scan(text, &now);
+    const double t = end != NULL && *end == '\0' ? lg_clock_read(&call->clock, now) : (double)NAN;
+    call->out->t[index] = t;
+    if (isfinite(t)) return LG_OK;
+    return lg_fail(error, LG_FORMAT,
+                   "%s: /t: the text at index (%llu) is no time in the format of the first one: write "
+                   "numbers of seconds, or dates such as 2024-03-01T12:00:00.25Z",
+                   lg_shown_path(call->path), (unsigned long long)index);
+}
 
 static lg_status read_arrays(read_call *call, lg_error *error) {
     lg_trajectories *out = call->out;
     sizes s = sizes_of(out);
     lg_h5_array arrays[ARRAYS];
     lg_h5_about times;
-    LG_TRY(lg_as_format(lg_h5_look(call->h5, "t", sizeof(double), &times, error), error));
-    call->epsilon = times.epsilon;
     list_arrays(out, &s, arrays);
     LG_TRY(lg_h5_get_arrays(call->h5, arrays + TRAJECTORIES, 1, error));
     if (s.points.n < 2 || s.dim.n < 2 || s.dim.n > 6 * LG_HAMILTONIAN_MAX_COPIES)
-        return lg_fail(
-            error, LG_FORMAT,
-            "%s: /trajectories: shape (%llu, %llu, %llu), expected N >= 1, M >= 2 and d of 2 to %d",
-            lg_shown_path(call->path), (unsigned long long)s.trajectories.n, (unsigned long long)s.points.n,
-            (unsigned long long)s.dim.n, 6 * LG_HAMILTONIAN_MAX_COPIES);
+        return lg_fail(error, LG_FORMAT,
+                       "%s: /trajectories: has M = %llu and d = %llu, expected M >= 2 and d of 2 to %d",
+                       lg_shown_path(call->path), (unsigned long long)s.points.n, (unsigned long long)s.dim.n,
+                       6 * LG_HAMILTONIAN_MAX_COPIES);
     s.intervals.n = s.points.n - 1;
-    LG_TRY(lg_h5_get_arrays(call->h5, arrays + TIMES, 1, error));
+    LG_TRY(lg_h5_fit(call->h5, &arrays[TIMES], sizeof(double), true, &times, error));
+    call->epsilon = times.epsilon;
+    out->t = lg_alloc(call->context, (size_t)s.points.n, sizeof(double));
+    if (out->t == NULL) return lg_h5_no_memory(call->h5, error);
+    LG_TRY(times.kind == LG_H5_WORDS
+               ? lg_h5_each_text(call->h5, "t", take_time, call, error)
+               : lg_h5_get_finite(call->h5, "t", times.rank, times.dims, out->t, error));
     LG_TRY(lg_h5_get_arrays(call->h5, arrays + OTHERS, ARRAYS - OTHERS, error));
     if (s.inputs.n > UINT32_MAX)
         return lg_fail(error, LG_FORMAT, "%s: /inputs: has too many inputs", lg_shown_path(call->path));
@@ -209,7 +228,8 @@ static lg_status check_times(read_call *call, lg_error *error) {
                        lg_shown_path(call->path));
     for (size_t i = 1; i <= last; i++) {
         if (!(t[i] > t[i - 1]))
-            return lg_fail(error, LG_FORMAT, "%s: /t: does not increase at index (%zu)",
+            return lg_fail(error, LG_FORMAT,
+                           "%s: /t: does not increase at index (%zu): sort the points by time",
                            lg_shown_path(call->path), i);
     }
     for (size_t i = 1; i < last; i++) {
@@ -217,24 +237,27 @@ static lg_status check_times(read_call *call, lg_error *error) {
         if (off > tolerance)
             return lg_fail(
                 error, LG_FORMAT,
-                "%s: /t: the times are not equidistant: the time at index (%zu) is off by %.3g steps",
+                "%s: /t: the times are not equidistant: the time at index (%zu) is off by %.3g steps; "
+                "interpolate the points at equidistant times",
                 lg_shown_path(call->path), i, off / dt);
     }
     out->dt = dt;
     return LG_OK;
 }
 
-/* Reads an optional text attribute of the root or of /trajectories; "" if there is none. */
+/* The object that has an attribute, the root or /trajectories; NULL if none has it. */
+static const char *holder_of(const read_call *call, const char *name) {
+    return lg_h5_has_attribute(call->h5, "", name)               ? ""
+           : lg_h5_has_attribute(call->h5, "trajectories", name) ? "trajectories"
+                                                                 : NULL;
+}
+
+/* Reads an optional text attribute; "" if there is none. */
 static lg_status optional_text(read_call *call, const char *name, char *text, size_t size, lg_error *error) {
-    static const char *const places[] = {"", "trajectories"};
+    const char *holder = holder_of(call, name);
     text[0] = '\0';
-    for (size_t i = 0; i < LG_COUNT(places); i++) {
-        if (!lg_h5_has_attribute(call->h5, places[i], name)) continue;
-        lg_status status = lg_h5_text(call->h5, places[i], name, text, size, error);
-        if (status == LG_SHAPE && error != NULL) error->status = LG_FORMAT;
-        return status == LG_SHAPE ? LG_FORMAT : status;
-    }
-    return LG_OK;
+    if (holder == NULL) return LG_OK;
+    return lg_as_format(lg_h5_text(call->h5, holder, name, text, size, error), error);
 }
 
 /* Removes all separators, so that "q_1, p_1" and "q1 p1" become the same. */
@@ -381,33 +404,18 @@ static lg_status check_system(read_call *call, lg_error *error) {
 
 /* Only for numbered layouts. For other layouts programs disagree what `links` means, and d determines n. */
 static lg_status check_links(read_call *call, lg_error *error) {
-    static const char *const places[] = {"", "trajectories"};
     const lg_trajectories *out = call->out;
-    for (size_t i = 0; i < LG_COUNT(places) && out->family->numbered; i++) {
-        int64_t links = 0;
-        if (!lg_h5_has_attribute(call->h5, places[i], "links")) continue;
-        LG_TRY(lg_h5_number(call->h5, places[i], "links", LG_ELEMENT_I64, &links, error));
-        if (links != (int64_t)out->n)
-            return lg_fail(error, LG_FORMAT,
-                           "%s: attribute links is %lld, but states of d = %u numbers have %u",
-                           lg_shown_path(call->path), (long long)links, out->state_dim, out->n);
-        return LG_OK;
-    }
-    return LG_OK;
+    const char *holder = holder_of(call, "links");
+    int64_t links = out->n;
+    if (holder == NULL || !out->family->numbered) return LG_OK;
+    LG_TRY(lg_h5_number(call->h5, holder, "links", LG_ELEMENT_I64, &links, error));
+    if (links == (int64_t)out->n) return LG_OK;
+    return lg_fail(error, LG_FORMAT, "%s: attribute links is %lld, but states of d = %u numbers have %u",
+                   lg_shown_path(call->path), (long long)links, out->state_dim, out->n);
 }
 
 static void parameter_path(const lg_parameter_entry *row, char path[64]) {
     (void)snprintf(path, 64, "parameters/%s", row->key);
-}
-
-/* Whether the system is known (`row` is its list of parameters) and the file has all its parameters. */
-static bool has_parameters(read_call *call, const lg_parameter_entry *row) {
-    char path[64];
-    for (const lg_parameter_entry *entry = row; entry != NULL && entry->key != NULL; entry++) {
-        parameter_path(entry, path);
-        if (!lg_h5_has(call->h5, path)) return false;
-    }
-    return row != NULL;
 }
 
 typedef struct truth_values {
@@ -419,7 +427,8 @@ static void free_values(const truth_values *values) {
     for (size_t i = 0; i < LG_COUNT(values->of); i++) lg_free(values->context, values->of[i]);
 }
 
-/* Makes out->truth from the parameters in the file, in the form of the system that is learned. */
+/* Makes out->truth from the parameters in the file, in the form of the system that is learned. There is none
+ * if the system is not known or the file lacks a parameter. */
 static lg_status read_truth(read_call *call, lg_error *error) {
     lg_trajectories *out = call->out;
     lg_named_values given[LG_MOST_PARAMETERS];
@@ -428,10 +437,11 @@ static lg_status read_truth(read_call *call, lg_error *error) {
     char path[64];
     const char *form = lg_learned_form(out->system);
     const lg_parameter_entry *row = lg_system_parameters(out->system, form);
-    if (!has_parameters(call, row)) return LG_OK;
+    if (row == NULL) return LG_OK;
     for (; row->key != NULL; row++, count++) {
         lg_h5_size size = {0, NULL, NULL};
         parameter_path(row, path);
+        if (!lg_h5_has(call->h5, path)) return LG_OK;
         LG_TRY(lg_h5_get_arrays(call->h5, &(lg_h5_array){path, &values.of[count], {&size}, false}, 1, error));
         given[count] = (lg_named_values){row->key, values.of[count], (size_t)size.n};
     }

@@ -196,31 +196,24 @@ static lg_status get_weights(lg_h5 *h5, const lg_recipe *kind, const void *run, 
     if (head->theta == NULL) return lg_h5_no_memory(h5, error);
     for (uint32_t i = 0; slice_at(kind, run, i, &s); i++) {
         double *at = head->theta + s.info.offset;
-        LG_TRY(
-            lg_as_format(lg_h5_get(h5, s.name, LG_ELEMENT_F64, s.info.rank, s.info.dims, at, error), error));
-        LG_TRY(lg_check_finite(h5->path, s.name, s.info.rank, s.info.dims, at, error));
+        LG_TRY(lg_h5_get_finite(h5, s.name, s.info.rank, s.info.dims, at, error));
     }
     return LG_OK;
 }
 
 /* The history may hold NaN: the validation series is NaN if there is no validation part. */
 static lg_status get_history(lg_h5 *h5, lg_model_head *head, lg_error *error) {
-    bool first = true;
+    lg_h5_size epochs = {0, "epochs", NULL};
     for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++) {
         lg_h5_about about;
-        const char *name = series_names[i];
-        if (!lg_h5_has(h5, name)) continue;
-        LG_TRY(lg_h5_look(h5, name, sizeof(double), &about, error));
-        if (about.rank != 1 || (!first && about.count != head->epochs_done))
-            return lg_fail(error, LG_FORMAT, "%s: /%s: expected one number per epoch",
-                           lg_shown_path(h5->path), name);
-        first = false;
-        head->epochs_done = (size_t)about.count;
-        head->history[i] = lg_alloc(h5->context, head->epochs_done, sizeof(double));
+        const lg_h5_array series = {series_names[i], &head->history[i], {&epochs}, true};
+        if (!lg_h5_has(h5, series.name)) continue;
+        LG_TRY(lg_h5_fit(h5, &series, sizeof(double), false, &about, error));
+        head->history[i] = lg_alloc(h5->context, about.count, sizeof(double));
         if (head->history[i] == NULL) return lg_h5_no_memory(h5, error);
-        LG_TRY(
-            lg_as_format(lg_h5_get(h5, name, LG_ELEMENT_F64, 1, about.dims, head->history[i], error), error));
+        LG_TRY(lg_h5_get(h5, series.name, LG_ELEMENT_F64, about.rank, about.dims, head->history[i], error));
     }
+    head->epochs_done = (size_t)epochs.n;
     return LG_OK;
 }
 

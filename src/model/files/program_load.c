@@ -133,9 +133,7 @@ static lg_status get_array(reading *r, const char *path, lg_shape *shape, lg_own
         shape->dims[d] = (uint32_t)dims[d];
     }
     LG_TRY(take(r, path, about.count, sizeof(double), &values->memory));
-    LG_TRY(lg_as_format(lg_h5_get(r->h5, path, LG_ELEMENT_F64, about.rank, dims, values->memory, r->error),
-                        r->error));
-    return lg_check_finite(r->h5->path, path, about.rank, dims, values->memory, r->error);
+    return lg_h5_get_finite(r->h5, path, about.rank, dims, values->memory, r->error);
 }
 
 /* Whether the text is a path of plain names. */
