@@ -457,76 +457,65 @@ void app_release_claims(void);
 /* A plot is the image of --plot, FILE.svg or FILE.png. Its gnuplot script is a fixed text,
  * apps/plots/NAME.gp, of which FILE.gp is a copy. FILE.dat holds the numbers and texts of the plot, so a
  * user's text is never part of a script. Each script starts with apps/plots/begin.gp, which reads FILE.dat.
- * What can be computed from the numbers and texts (ranges, sizes, histograms) is computed in the script. This
- * code uses T[1] and T[2], the blocks 1 and 2, and the script apps/plots/training.gp:
+ * What can be computed from the numbers and texts (ranges, sizes, histograms) is computed in the script. A
+ * plot is a row, whose function writes the texts and numbers of what is drawn:
  *
- *   if (!app_plot_begin(&plot, "training")) return;            --plot is not given
- *   app_plot_text(&plot, "%s\t%zu", name, count);              these are T[1] and T[2]
- *   APP_PLOT_COLUMNS(&plot, 9, points, {t, 1, 1}, {q, dim, 1}); block 1: t, and the first number of each q
- *   app_plot_block(&plot);
- *   APP_PLOT_ROW(&plot, 9, t, y);                               this is a line of block 2
- *   app_plot_end(app, &plot);
+ *   app_plot_text(plot, "%s\t%zu", name, count);               these are T[1] and T[2]
+ *   APP_PLOT_COLUMNS(plot, 9, points, {t, 1, 1}, {q, dim, 1}); block 1: t, and the first number of each q
+ *   app_plot_block(plot);
+ *   APP_PLOT_ROW(plot, 9, t, y);                               this is a line of block 2
  */
 extern const app_named_text app_plot_scripts[]; /* the files apps/plots/NAME.gp, and a last row of NULL */
 
 typedef struct app_plot {
-    const char *kind;     /* the name of the row that app_plot_draw draws, if the row has a script */
-    const char *script;   /* the text of the script, without its common beginning */
-    app_file texts, data; /* block 0, which becomes the file; the blocks of numbers */
-    char *image, *data_path, *script_path;
-    bool filled, lined; /* whether there is a line since the last block; since the last gap */
+    const char *kind, *script; /* names of the row and its script; the function may set another script */
+    app_file texts, data;      /* block 0, which becomes the file; the blocks of numbers */
+    bool filled, lined;        /* whether there is a line since the last block; since the last gap */
 } app_plot;
 bool app_plot_name_fits(const char *image);
 /* The text of the first line of each data file, and how each script begins. */
 #define APP_PLOT_DATA   "texts and numbers of a plot by liegrad"
 #define APP_PLOT_SCRIPT "# This gnuplot script is a fixed text of liegrad."
-/* Begins the plot of --plot, whose name ends in .svg or .png (app_check_outputs). False: it is not given. */
-bool app_plot_begin(app_plot *plot, const char *script);
 /* Adds texts, which tabs in the format separate. The script has the first text as T[1], the second as T[2],
  * and as V(1), V(2) if they are numbers. Arguments may hold any bytes: control characters are shown as by
  * app_put. */
 void app_plot_text(app_plot *plot, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* Adds a line of numbers with so many digits to the block. */
-void app_plot_numbers(app_plot *plot, int digits, const double *x, size_t count);
-#define APP_PLOT_ROW(plot, digits, ...)                                                                      \
-    app_plot_numbers(plot, digits, (const double[]){__VA_ARGS__},                                            \
-                     sizeof(const double[]){__VA_ARGS__} / sizeof(double))
 /* Numbers of a plot that lie in memory: the row i has x[i*stride + j], j = 0, ..., count - 1. */
 typedef struct app_plot_column {
     const double *x;
     size_t stride, count;
 } app_plot_column;
-/* Adds lines with the numbers of all columns, in their order. */
+/* Adds lines with the numbers of all columns, in their order, with so many digits; a line of numbers. */
 void app_plot_columns(app_plot *plot, int digits, size_t rows, const app_plot_column *columns, size_t count);
 #define APP_PLOT_COLUMNS(plot, digits, rows, ...)                                                            \
     app_plot_columns(plot, digits, rows, (const app_plot_column[]){__VA_ARGS__},                             \
                      sizeof(const app_plot_column[]){__VA_ARGS__} / sizeof(app_plot_column))
+#define APP_PLOT_ROW(plot, digits, ...)                                                                      \
+    APP_PLOT_COLUMNS(                                                                                        \
+        plot, digits, 1,                                                                                     \
+        {(const double[]){__VA_ARGS__}, 0, sizeof(const double[]){__VA_ARGS__} / sizeof(double)})
 /* Interrupts the curve: adds an empty line, but no second one. */
 void app_plot_gap(app_plot *plot);
 /* Ends a block of data. The script reads the first block as `index 1` of `datafile`. A block without numbers
  * gets a line of NaN, which gnuplot does not draw. */
 void app_plot_block(app_plot *plot);
-/* Writes the data and the script, and runs gnuplot. Without gnuplot it leaves both and warns. When a file
- * cannot be written, the files that this call wrote are removed, and the command ends. */
-void app_plot_end(const app *app, app_plot *plot);
 
 /* A plot that a command can draw. A table of these ends with a row whose name is NULL. `has` below has a bit
- * for each property of what is drawn; the bit APP_PLOT_ANY is always set. */
+ * for each property of what is drawn. */
 typedef struct app_plot_kind {
     const char *name, *help; /* name for --plot-kind; what is drawn, as in "the loss over the epochs" */
-    const char *script;      /* NULL: `put` calls app_plot_begin */
+    const char *script;
     void (*put)(app_plot *plot, const void *of); /* writes the texts and numbers */
     unsigned needs;                              /* the plot exists where `has` has these bits */
     const char *missing;                         /* why it does not exist */
-    unsigned usual; /* the default is the first row with `usual` whose bits `has` has; the last is ANY */
+    unsigned usual; /* the default is the first row with `usual` whose bits `has` has, else the first row */
 } app_plot_kind;
-enum { APP_PLOT_ANY = 1 };
 /* A row; after `put` any designated initialisers may follow. */
 #define APP_PLOT(name_, help_, script_, ...)                                                                 \
     { .name = name_, .help = help_, .script = script_, .put = __VA_ARGS__ }
 #define APP_PLOTS(...) ((const app_plot_kind[]){__VA_ARGS__, {.name = NULL}})
-/* For a command that draws one plot itself, to app_plot_given.plot. */
-#define APP_DRAWS(help_) .plots = APP_PLOTS(APP_PLOT("plot", help_, NULL, NULL))
+/* The plot of a command that has one. */
+#define APP_DRAWS(help_, script_, put_) .plots = APP_PLOTS(APP_PLOT("plot", help_, script_, put_))
 /* The values of --plot and --plot-kind of the command. */
 typedef struct app_plot_values {
     const char *plot;   /* NULL: nothing is drawn */
@@ -537,7 +526,10 @@ extern app_plot_values app_plot_given;
 const lg_field *app_plot_options(const app_plot_kind *plots);
 /* Ends the command if --plot was given and the plot needs bits that `has` lacks. */
 void app_plot_check(const app *app, unsigned has);
-/* If --plot was given, checks the plot and draws `of`. */
+/* If --plot was given, draws `of`: by the row, or by that of --plot-kind, which it checks. Writes the data
+ * and the script, and runs gnuplot; without gnuplot it leaves both and warns. When a file cannot be written,
+ * the files that this call wrote are removed, and the command ends. */
+void app_plot_row(const app *app, const app_plot_kind *row, const void *of);
 void app_plot_draw(const app *app, unsigned has, const void *of);
 
 /* Writes the plot of a confusion matrix (script "confusion"): the count of each entry. confusion (classes,

@@ -34,19 +34,6 @@ void app_plot_text(app_plot *plot, const char *format, ...) {
     while (rest != NULL) put_text(plot->texts.stream, strsep(&rest, "\t"));
 }
 
-bool app_plot_begin(app_plot *plot, const char *script) {
-    const char *image = app_plot_given.plot;
-    if (image == NULL) return false;
-    const int stem = (int)strlen(image) - 4;
-    *plot = (app_plot){.script = app_text_of(app_plot_scripts, script), .image = app_format("%s", image)};
-    plot->data_path = app_format("%.*s.dat", stem, image);
-    plot->script_path = app_format("%.*s.gp", stem, image);
-    app_file_begin(&plot->texts, plot->data_path);
-    app_file_begin(&plot->data, plot->data_path);
-    app_plot_text(plot, APP_PLOT_DATA "\t%s", image + stem + 1);
-    return true;
-}
-
 void app_plot_columns(app_plot *plot, int digits, size_t rows, const app_plot_column *columns, size_t count) {
     for (size_t i = 0; i < rows; i++) {
         const char *between = "";
@@ -58,10 +45,6 @@ void app_plot_columns(app_plot *plot, int digits, size_t rows, const app_plot_co
     }
 }
 
-void app_plot_numbers(app_plot *plot, int digits, const double *x, size_t count) {
-    APP_PLOT_COLUMNS(plot, digits, 1, {x, 0, count});
-}
-
 void app_plot_gap(app_plot *plot) {
     if (plot->lined) (void)fputc('\n', plot->data.stream);
     plot->lined = false;
@@ -70,22 +53,6 @@ void app_plot_gap(app_plot *plot) {
 void app_plot_block(app_plot *plot) {
     (void)fputs(plot->filled ? "\n\n" : "nan nan nan nan nan nan\n\n\n", plot->data.stream);
     plot->filled = plot->lined = false;
-}
-
-/* Writes the texts and the numbers, with two empty lines between them. */
-static lg_status write_data(app_plot *plot, lg_error *error) {
-    if (fclose(plot->data.stream) != 0) app_out_of_memory();
-    (void)fputs("\n\n", plot->texts.stream);
-    (void)fwrite(plot->data.text, 1, plot->data.length, plot->texts.stream);
-    free(plot->data.text);
-    return app_file_end(&plot->texts, error);
-}
-
-static lg_status write_script(const app_plot *plot, lg_error *error) {
-    app_file file;
-    app_file_begin(&file, plot->script_path);
-    (void)fprintf(file.stream, "%s\n%s", app_text_of(app_plot_scripts, "begin"), plot->script);
-    return app_file_end(&file, error);
 }
 
 /* Copies everything from a pipe to `to`, until the pipe's end. Returns false if the pipe cannot be read. */
@@ -115,37 +82,54 @@ static int run_gnuplot(const char *script, FILE *image) {
     return WIFEXITED(status) && (whole || WEXITSTATUS(status) != 0) ? WEXITSTATUS(status) : -1;
 }
 
-/* Draws the plot, or warns that it cannot be drawn. */
-static lg_status draw(const app *self, const app_plot *plot, lg_error *error) {
+/* Draws the image, or warns that it cannot be drawn. */
+static lg_status draw(const app *self, const char *path, const char *data, const char *script,
+                      lg_error *error) {
     app_file image;
-    app_file_begin(&image, plot->image);
-    const int code = run_gnuplot(plot->script_path, image.stream);
+    app_file_begin(&image, path);
+    const int code = run_gnuplot(script, image.stream);
     if (code == 0) return app_file_end(&image, error);
     app_file_discard(&image);
     app_warn(self, "gnuplot %s, so %s is not drawn; its data and script are in %s and %s%s",
-             code == 127 ? "is not installed" : "failed", plot->image, plot->data_path, plot->script_path,
+             code == 127 ? "is not installed" : "failed", path, data, script,
              code == 127 ? " (to draw it, in their folder: gnuplot -d ./SCRIPT > PLOT)" : "");
     return LG_OK;
 }
 
-void app_plot_end(const app *self, app_plot *plot) {
+app_plot_values app_plot_given;
+
+void app_plot_row(const app *self, const app_plot_kind *row, const void *of) {
+    const char *image = app_plot_given.plot;
+    if (image == NULL) return;
+    const int stem = (int)strlen(image) - 4;
+    APP_FREE char *data_path = app_format("%.*s.dat", stem, image);
+    APP_FREE char *script_path = app_format("%.*s.gp", stem, image);
+    app_plot plot = {.kind = row->name, .script = row->script};
+    app_file script;
     lg_error error = {LG_OK, ""};
-    lg_status status = write_data(plot, &error);
-    const bool data = status == LG_OK;
-    if (data) status = write_script(plot, &error);
-    const bool script = data && status == LG_OK;
-    if (script) status = draw(self, plot, &error);
+    app_file_begin(&plot.texts, data_path);
+    app_file_begin(&plot.data, data_path);
+    app_plot_text(&plot, APP_PLOT_DATA "\t%s", image + stem + 1);
+    row->put(&plot, of);
+    if (fclose(plot.data.stream) != 0) app_out_of_memory();
+    (void)fputs("\n\n", plot.texts.stream);
+    (void)fwrite(plot.data.text, 1, plot.data.length, plot.texts.stream);
+    free(plot.data.text);
+    app_must_file(self, app_file_end(&plot.texts, &error), &error, image);
+    app_file_begin(&script, script_path);
+    (void)fprintf(script.stream, "%s\n%s", app_text_of(app_plot_scripts, "begin"),
+                  app_text_of(app_plot_scripts, plot.script));
+    lg_status status = app_file_end(&script, &error);
+    const bool scripted = status == LG_OK;
+    if (scripted) status = draw(self, image, data_path, script_path, &error);
     /* The data and the script are of no use when the disk is full and the rest is missing. */
-    if (status != LG_OK && data) (void)unlink(plot->data_path);
-    if (status != LG_OK && script) (void)unlink(plot->script_path);
-    app_must_file(self, status, &error, plot->image);
-    char *const texts[] = {plot->image, plot->data_path, plot->script_path};
-    for (size_t i = 0; i < LG_COUNT(texts); i++) free(texts[i]);
+    if (status != LG_OK) (void)unlink(data_path);
+    if (status != LG_OK && scripted) (void)unlink(script_path);
+    app_must_file(self, status, &error, image);
 }
 
 /* ---- the plots of a command ---- */
 
-app_plot_values app_plot_given;
 static const app_plot_kind *kinds; /* of the command */
 
 static const char *kind_name(uint32_t value) {
@@ -178,24 +162,20 @@ const lg_field *app_plot_options(const app_plot_kind *plots) {
 static const app_plot_kind *kind_of(unsigned has) {
     const app_plot_kind *at = kinds;
     if (app_plot_given.plot_kind > 0) return kinds + app_plot_given.plot_kind - 1;
-    while (at->usual == 0 || (at->usual & ~has) != 0) at++;
-    return at;
+    while (at->name != NULL && (at->usual == 0 || (at->usual & ~has) != 0)) at++;
+    return at->name != NULL ? at : kinds;
 }
 
 void app_plot_check(const app *self, unsigned has) {
-    const app_plot_kind *kind = app_plot_given.plot != NULL ? kind_of(has | APP_PLOT_ANY) : NULL;
+    const app_plot_kind *kind = app_plot_given.plot != NULL ? kind_of(has) : NULL;
     if (kind != NULL && (kind->needs & ~has) != 0)
         app_stop_usage(self, "--plot-kind %s: %s", kind->name, kind->missing);
 }
 
 void app_plot_draw(const app *self, unsigned has, const void *of) {
     if (app_plot_given.plot == NULL) return;
-    const app_plot_kind *kind = kind_of(has | APP_PLOT_ANY);
-    app_plot plot;
     app_plot_check(self, has);
-    if (kind->script != NULL && app_plot_begin(&plot, kind->script)) plot.kind = kind->name;
-    kind->put(&plot, of);
-    app_plot_end(self, &plot);
+    app_plot_row(self, kind_of(has), of);
 }
 
 /* ---- confusion matrices ---- */

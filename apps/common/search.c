@@ -504,19 +504,15 @@ static void report(const searching *search, double seconds) {
 
 static void put_search(app_plot *plot, const void *user) {
     const searching *search = user;
-    double best = NAN;
     app_plot_text(plot, "%zu", search->count);
-    for (const lg_trial *at = search->trials; at < search->trials + search->count; at++) {
-        const bool done = at->state == LG_TRIAL_DONE;
-        if (done) best = fmin(best, at->objective);
-        APP_PLOT_ROW(plot, 9, (double)at->number, at->state == LG_TRIAL_PRUNED ? at->objective : NAN,
-                     done ? at->objective : NAN, best);
-    }
+    for (const lg_trial *at = search->trials; at < search->trials + search->count; at++)
+        APP_PLOT_ROW(plot, 9, (double)at->number, at->state == LG_TRIAL_DONE, at->state == LG_TRIAL_PRUNED,
+                     at->objective);
 }
 
-const app_plot_kind search_plots[] = {APP_PLOT("search", "the objective of each trial and the best so far",
-                                               "search", put_search, .usual = APP_PLOT_ANY),
-                                      {.name = NULL}};
+const app_plot_kind search_plots[] = {
+    APP_PLOT("search", "the objective of each trial and the best so far", "search", put_search),
+    {.name = NULL}};
 
 /* ---- the command ---- */
 

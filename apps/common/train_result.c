@@ -145,9 +145,8 @@ void train_put_loss(app_plot *plot, const void *training) {
     APP_PLOT_COLUMNS(plot, 17, lg_fit_epochs_done(fit), {loss, 1, 1}, {validation, 1, 1});
 }
 
-const app_plot_kind train_plots[] = {
-    APP_PLOT("loss", "the loss over the epochs", "training", train_put_loss, .usual = APP_PLOT_ANY),
-    {.name = NULL}};
+const app_plot_kind train_plots[] = {APP_PLOT("loss", "the loss over the epochs", "training", train_put_loss),
+                                     {.name = NULL}};
 
 void train_draw(const app *self, const train_task *task) {
     if (task->draw != NULL)

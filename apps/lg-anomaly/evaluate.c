@@ -362,7 +362,8 @@ static void run(app *self) {
         evaluate(&list[i]);
     }
     if (values.scores != NULL) write_scores(&list[0]);
-    draw_view(self, &(viewing){&model, &list[0].from, &list[0].judged, .training = NULL});
+    app_plot_draw(self, plots_of(&model, false),
+                  &(viewing){&model, &list[0].from, &list[0].judged, .training = NULL});
     report(self, list, count);
     for (size_t i = 0; i < count; i++) evaluation_destroy(&list[i]);
 }

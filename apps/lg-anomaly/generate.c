@@ -135,7 +135,7 @@ static void put_recordings(app_plot *plot, const void *sampled) {
             double row[1 + LG_RISER_CHANNELS] = {(double)k / rate / 60};
             for (size_t c = 0; c < LG_RISER_CHANNELS; c++)
                 row[1 + c] = (double)samples[k * LG_RISER_CHANNELS + c];
-            app_plot_numbers(plot, 6, row, LG_COUNT(row));
+            APP_PLOT_COLUMNS(plot, 6, 1, {row, 0, LG_COUNT(row)});
         }
         app_plot_block(plot);
     }
@@ -247,8 +247,7 @@ const app_command anomaly_generate_command = {
         "accelerations of the lower and the upper sensor in m/s^2 and the bending moment in N m, each in x "
         "and y. For the probability of detection against severity, make one file for each --severity.",
     .settings = APP_SETTINGS(APP_GIVEN(generate_options, values)),
-    .plots = APP_PLOTS(APP_PLOT("states", "recordings, intact and broken", "recordings", put_recordings,
-                                .usual = APP_PLOT_ANY),
+    .plots = APP_PLOTS(APP_PLOT("states", "recordings, intact and broken", "recordings", put_recordings),
                        APP_PLOT("housings", "recordings, slack and tight", "recordings", put_recordings)),
     .run = run,
     .together = APP_RANKS};

@@ -217,7 +217,7 @@ static void put_loss(app_plot *plot, const void *view) {
 /* ---- which plots a model has ---- */
 
 enum { FEATURES = 2, VARIANCES = 4, TREE = 8, MARGIN = 16, BASELINE = 32 };
-enum { PLANE = 64, NOVELTY = 128, LOSS = 256, PRUNING = 512 };
+enum { PLANE = 64, NOVELTY = 128, LOSS = 256, PRUNING = 512, NETWORK = 1024 };
 
 #define NO_FEATURES "the model has no features; use confusion or roc"
 const app_plot_kind anomaly_plots[] = {
@@ -235,7 +235,7 @@ const app_plot_kind anomaly_plots[] = {
     APP_PLOT("variance", "explained by components", "variance", put_variance, VARIANCES,
              "needs principal components (--components)", 0),
     APP_PLOT("roc", "true against false alarms", "roc", put_roc, .usual = NOVELTY),
-    APP_PLOT("confusion", "given against true class", "confusion", put_confusion, .usual = APP_PLOT_ANY),
+    APP_PLOT("confusion", "given against true class", "confusion", put_confusion, .usual = NETWORK),
     {.name = NULL}};
 
 unsigned plots_of(const well_model *model, bool training) {
@@ -245,11 +245,7 @@ unsigned plots_of(const well_model *model, bool training) {
                                                              lg_pca_outputs(&by->pca) == 3;
     if (model->sort == WELL_NOVELTY) return NOVELTY;
     if (model->sort == WELL_NETWORK)
-        return (training ? LOSS : 0) | (model->detector.run.model.net.plane == 2 ? PLANE : 0);
+        return NETWORK | (training ? LOSS : 0) | (model->detector.run.model.net.plane == 2 ? PLANE : 0);
     return FEATURES | (by->pca.variances > 0 ? VARIANCES : 0) | (tree ? TREE : 0) | (margin ? MARGIN : 0) |
            (by->features.kind == LG_FEATURES_BASELINE ? BASELINE : 0) | (tree && training ? PRUNING : 0);
-}
-
-void draw_view(const app *self, const viewing *view) {
-    app_plot_draw(self, plots_of(view->model, view->training != NULL || view->classical != NULL), view);
 }

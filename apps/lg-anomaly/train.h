@@ -74,8 +74,6 @@ enum { EVALUATE_PLOTS = 2 };
 extern const app_plot_kind anomaly_plots[];
 /* The bits of the plots that a model has. */
 unsigned plots_of(const well_model *model, bool training);
-/* Draws the plot of --plot. */
-void draw_view(const app *app, const viewing *view);
 void put_pruning(app_plot *plot, const void *view); /* train_classical.c */
 
 #endif

@@ -452,9 +452,10 @@ void train_classical(const app *program) {
     file->provenance = app_provenance(program, train_run.training.seed);
     APP_MUST_FILE(program, train_given_files.out,
                   classifier_file_save(program->context, train_given_files.out, file, &error));
-    draw_view(program, &(viewing){&self.model, lg_detector_tested(state),
-                                  state->tested.count > 0 ? &state->judged : &state->train_judged,
-                                  .classical = &self});
+    app_plot_draw(program, plots_of(&self.model, true),
+                  &(viewing){&self.model, lg_detector_tested(state),
+                             state->tested.count > 0 ? &state->judged : &state->train_judged,
+                             .classical = &self});
     report(&self);
     lg_classifier_destroy(&self.model.file.classifier);
     lg_novelty_destroy(&self.model.file.novelty);

@@ -21,7 +21,7 @@ static void draw(const app *self, const lg_training *training) {
     const well_model model = model_of(theta);
     const viewing view = {&model, lg_detector_tested(&train_state), &train_state.judged,
                           .training = training};
-    draw_view(self, &view);
+    app_plot_draw(self, plots_of(&model, true), &view);
 }
 
 static const char *const searched[] = {"cnn", "rocket", NULL};

@@ -68,9 +68,9 @@ typedef struct control_runs {
     const lg_policy *policy;
     const lg_policy_task *task;
     lg_policy_runs runs; /* path; of whole runs also motion, input, costs, succeeded */
-    /* After control_show_runs: positions and velocities (steps + 1, starts, numbers) */
-    size_t numbers[2];
-    double *seen[2];
+    /* After control_show_runs: positions, velocities (steps + 1, starts, numbers) and inputs (steps, ...) */
+    size_t numbers[3];
+    double *seen[3];
 } control_runs;
 void control_runs_begin(const lg_policy *policy, uint64_t starts, bool whole, control_runs *out);
 
@@ -78,6 +78,7 @@ void control_runs_begin(const lg_policy *policy, uint64_t starts, bool whole, co
  * the period; the last row of a run has no inputs and no cost. With --plot, draws three panels: the motion of
  * the first 40 runs, the starts of all runs, and the inputs of the first 8 runs. */
 void control_show_runs(const app *self, control_runs *runs, const char *path);
+void control_put_runs(app_plot *plot, const void *shown_runs);
 
 /* Evaluates the policy from random starts; `runs` may be NULL. */
 lg_policy_outcome control_evaluate(const app *self, const lg_policy *policy, lg_policy_test mode,

@@ -278,6 +278,6 @@ const app_command control_evaluate_command = {
     .summary = "Score a policy by runs from random starts",
     .details = "The saturated regulator alone (lqr) is scored too. --plant scores on another machine than "
                "the one that the policy was trained with, for example the true one of a simulation.",
-    APP_DRAWS("the motion of some runs, which starts succeed, and inputs"),
+    APP_DRAWS("the motion of some runs, which starts succeed, and inputs", "policy_runs", control_put_runs),
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

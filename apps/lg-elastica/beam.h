@@ -98,8 +98,5 @@ void result_nodes(app_json *out, const beam_nodes *nodes, bool all);
 
 /* Writes a data block with a beam, interpolated by cubic Hermite polynomials. */
 void put_beam(app_plot *plot, const beam_curve *curve);
-/* Draws beams to --plot, with their energies if `labelled`. The lines of minima are `width` wide. */
-void draw_beams(const app *app, const char *title, bool labelled, double width, const beam_curve *curves,
-                size_t count);
 
 #endif

@@ -184,20 +184,7 @@ void put_beam(app_plot *plot, const beam_curve *curve) {
             double x[2];
             for (size_t d = k; d < k + 2; d++)
                 x[d - k] = q[d] * (1 - a) + q[d + 2] * a + h * (v[d] * b + v[d + 2] * c);
-            app_plot_numbers(plot, 9, x, 2);
+            APP_PLOT_COLUMNS(plot, 9, 1, {x, 0, 2});
         }
     app_plot_block(plot);
-}
-
-void draw_beams(const app *self, const char *title, bool labelled, double width, const beam_curve *curves,
-                size_t count) {
-    app_plot plot;
-    if (!app_plot_begin(&plot, "elastica_beams")) return;
-    app_plot_text(&plot, "%s\t%d\t%g", title, labelled, width);
-    for (const beam_curve *at = curves; at < curves + count; at++) {
-        const bool saddle = at->solution.negative_eigenvalues > 0;
-        app_plot_text(&plot, "E = %.6g%s\t%d", at->solution.energy, saddle ? " (saddle)" : "", saddle);
-        put_beam(&plot, at);
-    }
-    app_plot_end(self, &plot);
 }

@@ -31,17 +31,17 @@ static generate_values values;
 enum { SHOWN_CURVES = 24 };
 
 /* Draws some curves of a set, evenly chosen. */
-static void draw_set(const app *self, const lg_elastica_curves *curves) {
-    beam_curve beams[SHOWN_CURVES];
+static void put_set(app_plot *plot, const void *set) {
+    const lg_elastica_curves *curves = set;
     const size_t nodes = (size_t)curves->intervals + 1;
     const size_t shown = curves->count < SHOWN_CURVES ? curves->count : (size_t)SHOWN_CURVES;
-    APP_FREE char *title = app_format("%zu of %zu curves", shown, curves->count);
+    app_plot_text(plot, "%zu of %zu curves\t0", shown, curves->count);
     for (size_t i = 0; i < shown; i++) {
         const size_t at = 2 * nodes * (i * curves->count / shown);
-        beams[i] = (beam_curve){.problem = {.length = curves->length, .intervals = curves->intervals},
-                                .at = {.count = nodes, .q = curves->q + at, .v = curves->v + at}};
+        app_plot_text(plot, "\t0");
+        put_beam(plot, &(beam_curve){.problem = {.length = curves->length, .intervals = curves->intervals},
+                                     .at = {.q = curves->q + at, .v = curves->v + at}});
     }
-    draw_beams(self, title, false, 1.3, beams, shown);
 }
 
 static void report(const app *self, const lg_elastica_data *data, double seconds) {
@@ -82,7 +82,7 @@ static void run(app *self) {
     const double seconds = app_seconds() - begin;
     data.provenance = app_provenance(self, self->seed);
     APP_MUST_FILE(self, values.out, lg_elastica_data_write(self->context, values.out, &data, &error));
-    draw_set(self, &data.curves);
+    app_plot_draw(self, 0, &data.curves);
     report(self, &data, seconds);
 }
 
@@ -93,6 +93,6 @@ const app_command elastica_generate_command = {
         "The file holds /boundary (n, 8) as q0, v0, qN, vN, /q and /v (n, N + 1, 2), /energy, /x and /case "
         "(n). x takes equidistant values in [G pi, (1 - G) pi] and in its mirror image, ends included; each "
         "interval has half of the curves.",
-    APP_DRAWS("some of the curves"),
+    APP_DRAWS("some of the curves", "elastica_beams", put_set),
     .settings = APP_SETTINGS(BEAM, ENDS, APP_GIVEN(generate_options, values)),
     .run = run};

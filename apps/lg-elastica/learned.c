@@ -90,9 +90,8 @@ const app_command elastica_evaluate_command = {
         "are farther from those of the training part than twice the largest gap among these, or farther off "
         "the lines through neighbours. The command counts them.",
     .settings = APP_SETTINGS(APP_GIVEN(part_option, state)),
-    .plots = APP_PLOTS(APP_PLOT(
-        "curves", "ten curves, true and learned, with their tangents and the mean error along the beam",
-        "elastica_comparison", put_curves, .usual = APP_PLOT_ANY)),
+    APP_DRAWS("ten curves, true and learned, with their tangents and the mean error along the beam",
+              "elastica_comparison", put_curves),
     VERB(evaluate, task)};
 
 /* ---- predict ---- */
@@ -239,7 +238,7 @@ static void report_curve(const app *self, const prediction *p) {
 /* The learned curve and, with --solve, the solution. */
 static void put_prediction(app_plot *plot, const void *predicted) {
     const prediction *p = predicted;
-    app_plot_text(plot, "\t2\t2.5\t%d", predict_given.solve);
+    app_plot_text(plot, "\t2\t%d", predict_given.solve);
     APP_PLOT_COLUMNS(plot, 9, p->curve.at.count, {p->curve.at.q, 2, 2});
     app_plot_block(plot);
     if (predict_given.solve) put_beam(plot, &p->truth);
@@ -278,7 +277,6 @@ const app_command elastica_predict_command = {
         "the same for the distance from the lines through neighbours. A query farther than twice the reach "
         "or twice the spread is not `inside`, and there is a warning. `seconds`: the median of a few "
         "evaluations in double precision.",
-    .plots = APP_PLOTS(APP_PLOT("curve", "the curve; with --solve, the solution too", "elastica_beams",
-                                put_prediction, .usual = APP_PLOT_ANY)),
+    APP_DRAWS("the curve; with --solve, the solution too", "elastica_beams", put_prediction),
     .settings = APP_SETTINGS(BOUNDARY, ENDS, APP_GIVEN(predict_options, predict_given)),
     .run = run_predict};

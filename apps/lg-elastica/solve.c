@@ -88,7 +88,7 @@ static void solve_curve(const app *self, const boundary *where, const lg_elastic
     const double seconds = app_seconds() - begin;
     if (!values.continuous) warn_of_intervals(self, &curve.problem, curve.solution.energy);
     write_curves(self, values.out, &curve, 1, false);
-    draw_beams(self, "", false, 2.5, &curve, 1);
+    app_plot_draw(self, 0, &(beam_curves){.count = 1, .list = &curve});
     report_curve(self, &curve, seconds);
 }
 
@@ -120,7 +120,7 @@ static void solve_branches(const app *self, const boundary *where, const lg_elas
     if (found.count == 0) app_stop(self, LG_NO_CONVERGENCE, "no equilibrium was found");
     if (found.full) app_warn(self, "there may be more branches than those listed");
     write_curves(self, values.out, found.list, found.count, true);
-    draw_beams(self, "", true, 2.5, found.list, found.count);
+    app_plot_draw(self, 0, &found);
     report_branches(self, &found, &where->problem, seconds);
 }
 
@@ -129,6 +129,13 @@ static void solve_branches(const app *self, const boundary *where, const lg_elas
 /* Largest distance (beam_distance) between curves of one branch at neighbouring x: `moved` times the step in
  * x, but at most far_curve. Different branches are farther apart than this. */
 static const double moved = 6, far_curve = 0.5;
+
+/* The numbers of a row of the sweep; branches are counted from 1. */
+enum { NUMBERS = 5 };
+#define SWEEP_HEAD "branch,x,energy,negative_eigenvalues,rotation"
+typedef struct sweep_point {
+    double branch, x, energy, negative_eigenvalues, rotation;
+} sweep_point;
 
 typedef struct sweep {
     const app *self;
@@ -140,7 +147,8 @@ typedef struct sweep {
     double *x;
     lg_status *status;
     lg_error *error;
-    size_t branches;
+    size_t branches, count;
+    sweep_point *rows; /* (count): by branch, then by x */
 } sweep;
 
 static void find(void *user, size_t i) {
@@ -156,13 +164,6 @@ static void find(void *user, size_t i) {
         beam_branches(s->self->context, &where, s->options, values.saddles, &s->found[i], &s->error[i]);
     s->branch[i] = app_keep(s->found[i].count, sizeof *s->branch[i]);
 }
-
-/* The numbers of a row of the sweep; branches are counted from 1. */
-enum { NUMBERS = 5 };
-#define SWEEP_HEAD "branch,x,energy,negative_eigenvalues,rotation"
-typedef struct sweep_point {
-    double branch, x, energy, negative_eigenvalues, rotation;
-} sweep_point;
 
 /* ---- following the branches ---- */
 
@@ -200,58 +201,56 @@ static int by_branch(const void *a, const void *b) {
                                   : lg_compare_doubles(&p->x, &q->x);
 }
 
-static sweep_point *collect(const sweep *s, size_t *count) {
-    size_t n = 0;
-    for (size_t i = 0; i < s->points; i++) n += s->found[i].count;
-    sweep_point *points = app_keep(n, sizeof *points);
-    *count = 0;
+static void collect(sweep *s) {
+    for (size_t i = 0; i < s->points; i++) s->count += s->found[i].count;
+    sweep_point *row = s->rows = app_keep(s->count, sizeof *s->rows);
     for (size_t i = 0; i < s->points; i++)
         for (size_t k = 0; k < s->found[i].count; k++) {
             const beam_curve *curve = &s->found[i].list[k];
-            points[(*count)++] = (sweep_point){(double)s->branch[i][k] + 1, s->x[i], curve->solution.energy,
-                                               curve->solution.negative_eigenvalues, curve->problem.rotation};
+            *row++ = (sweep_point){(double)s->branch[i][k] + 1, s->x[i], curve->solution.energy,
+                                   curve->solution.negative_eigenvalues, curve->problem.rotation};
         }
-    qsort(points, n, sizeof *points, by_branch);
-    return points;
+    qsort(s->rows, s->count, sizeof *s->rows, by_branch);
 }
 
-static void write_sweep(const app *self, const sweep_point *points, size_t count) {
+static void write_sweep(const sweep *s) {
     if (values.out == NULL) return;
     lg_columns to = {.text = app_text()};
     lg_columns_names(&to, SWEEP_HEAD);
     lg_columns_end(&to);
-    for (const sweep_point *at = points; at < points + count; at++) {
+    for (const sweep_point *at = s->rows; at < s->rows + s->count; at++) {
         lg_columns_numbers(&to, (const double *)(const void *)at, NUMBERS);
         lg_columns_end(&to);
     }
-    APP_MUST_FILE(self, values.out, lg_columns_write(&to, self->context, values.out, &error));
+    APP_MUST_FILE(s->self, values.out, lg_columns_write(&to, s->self->context, values.out, &error));
 }
 
 /* Branches are drawn as pieces of equal stability, since stable and unstable ones have different dashes. */
-static void draw_sweep(const app *self, const sweep_point *points, size_t count) {
-    app_plot plot;
+static void put_sweep(app_plot *plot, const void *swept) {
+    const sweep *s = swept;
     double before = NAN;
-    if (!app_plot_begin(&plot, "elastica_sweep")) return;
-    for (const sweep_point *at = points; at < points + count; at++) {
-        const bool follows = at > points && at[-1].branch == at->branch;
+    for (const sweep_point *at = s->rows; at < s->rows + s->count; at++) {
+        const bool follows = at > s->rows && at[-1].branch == at->branch;
         const double saddle = at->negative_eigenvalues > 0, branch = at->branch - 1;
-        if (!follows || saddle != before) app_plot_gap(&plot);
+        if (!follows || saddle != before) app_plot_gap(plot);
         if (follows && saddle != before) /* a piece begins with the last point of the piece before it */
-            APP_PLOT_ROW(&plot, 9, at[-1].x, at[-1].energy, saddle, branch);
-        APP_PLOT_ROW(&plot, 9, at->x, at->energy, saddle, branch);
+            APP_PLOT_ROW(plot, 9, at[-1].x, at[-1].energy, saddle, branch);
+        APP_PLOT_ROW(plot, 9, at->x, at->energy, saddle, branch);
         before = saddle;
     }
-    app_plot_block(&plot);
-    app_plot_end(self, &plot);
+    app_plot_block(plot);
 }
 
+static const app_plot_kind sweep_plot = APP_PLOT("sweep", NULL, "elastica_sweep", put_sweep);
+
 /* For people: prints a table row per branch. */
-static void add_branches(app_json *out, const sweep_point *points, size_t count) {
+static void add_branches(app_json *out, const sweep *s) {
+    const sweep_point *points = s->rows;
     app_result_rows(out, NULL);
-    for (size_t i = 0, last; i < count; i = last) {
+    for (size_t i = 0, last; i < s->count; i = last) {
         size_t saddles = 0;
         double low = INFINITY, high = -INFINITY;
-        for (last = i; last < count && points[last].branch == points[i].branch; last++) {
+        for (last = i; last < s->count && points[last].branch == points[i].branch; last++) {
             saddles += points[last].negative_eigenvalues > 0;
             low = fmin(low, points[last].energy);
             high = fmax(high, points[last].energy);
@@ -263,22 +262,22 @@ static void add_branches(app_json *out, const sweep_point *points, size_t count)
     app_result_rows_end(out);
 }
 
-static void add_points(app_json *out, const sweep_point *points, size_t count) {
+static void add_points(app_json *out, const sweep *s) {
     app_json_open(out, "points", '[');
-    for (size_t i = 0; i < count; i++)
-        APP_OBJECT(out, NULL, LG_AS_REAL("branch", points[i].branch), LG_AS_REAL("x", points[i].x),
-                   LG_AS_REAL("energy", points[i].energy),
-                   LG_AS_REAL("negative_eigenvalues", points[i].negative_eigenvalues),
-                   LG_AS_REAL("rotation", points[i].rotation));
+    for (const sweep_point *at = s->rows; at < s->rows + s->count; at++)
+        APP_OBJECT(out, NULL, LG_AS_REAL("branch", at->branch), LG_AS_REAL("x", at->x),
+                   LG_AS_REAL("energy", at->energy),
+                   LG_AS_REAL("negative_eigenvalues", at->negative_eigenvalues),
+                   LG_AS_REAL("rotation", at->rotation));
     app_json_close(out, ']');
 }
 
-static void report_sweep(const sweep *s, const sweep_point *points, size_t count, double seconds) {
+static void report_sweep(const sweep *s, double seconds) {
     app_json *out = s->self->out;
-    if (out->people) add_branches(out, points, count);
+    if (out->people) add_branches(out, s);
     APP_PUT(out, LG_AS_TEXT("case", lg_elastica_case_name((lg_elastica_case)beam_given.kind)),
             LG_AS_REALS("x", s->x, s->points), LG_AS_WHOLE("branches", s->branches));
-    add_points(out, points, count);
+    add_points(out, s);
     APP_PUT(out, LG_AS_WHOLE("intervals", s->problem->intervals), LG_AS_TEXT("out", values.out),
             LG_AS_REAL("seconds", seconds));
 }
@@ -291,7 +290,6 @@ static void check_found(const sweep *s, size_t i) {
 
 static void solve_sweep(const app *self, const lg_elastica *problem, const lg_elastica_options *options) {
     const size_t n = (size_t)values.sweep;
-    size_t count;
     sweep s = {.self = self,
                .problem = problem,
                .options = options,
@@ -307,14 +305,24 @@ static void solve_sweep(const app *self, const lg_elastica *problem, const lg_el
     app_parallel(self->threads, n, find, &s);
     for (size_t i = 0; i < n; i++) check_found(&s, i);
     for (size_t i = 0; i < n; i++) follow(&s, i);
-    sweep_point *points = collect(&s, &count);
+    collect(&s);
     const double seconds = app_seconds() - begin;
-    write_sweep(self, points, count);
-    draw_sweep(self, points, count);
-    report_sweep(&s, points, count, seconds);
+    write_sweep(&s);
+    app_plot_row(self, &sweep_plot, &s);
+    report_sweep(&s, seconds);
 }
 
 /* ---- the command ---- */
+
+static void put_beams(app_plot *plot, const void *list) {
+    const beam_curves *of = list;
+    app_plot_text(plot, "\t%d", values.branches);
+    for (const beam_curve *at = of->list; at < of->list + of->count; at++) {
+        const bool saddle = at->solution.negative_eigenvalues > 0;
+        app_plot_text(plot, "E = %.6g%s\t%d", at->solution.energy, saddle ? " (saddle)" : "", saddle);
+        put_beam(plot, at);
+    }
+}
 
 static void run(app *self) {
     if (values.saddles && !values.branches && values.sweep == 0)
@@ -341,6 +349,6 @@ const app_command elastica_solve_command = {
                "rotation; for a case it is the global minimum. The exit code is 4 when no acceptable "
                "minimum is found. --branches lists all minima found for the three rotations nearest to "
                "zero, or for the one of --rotation.",
-    APP_DRAWS("the curves; with --sweep energy against x"),
+    APP_DRAWS("the curves; with --sweep energy against x", "elastica_beams", put_beams),
     .settings = APP_SETTINGS(BOUNDARY, ENDS, BEAM, APP_GIVEN(solve_options, values)),
     .run = run};

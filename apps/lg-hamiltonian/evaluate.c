@@ -15,8 +15,8 @@ typedef struct evaluate_values {
 } evaluate_values;
 
 static const lg_field evaluate_options[] = {
-    LG_OPTION(evaluate_values, drawn, U64, "n", "plot: number of trajectories (default 10)", .low = 1,
-              .high = 10000),
+    LG_OPTION(evaluate_values, drawn, U64, "n", "plot: number of trajectories", .low = 1, .high = 10000,
+              .value = "10"),
     RELATIVE(evaluate_values, "squares",
              "|z - z'|/|z + z'| + 1e-8 over trajectories and points, where z are the positions and "
              "velocities of a chain's masses, else the state; needs /parameters in TEST.h5"),
@@ -84,13 +84,6 @@ static void check_shape(const app *self, const lg_hamiltonian *model, const lg_t
                  self->arguments[1]);
 }
 
-static void draw(const app *self, const lg_hamiltonian *model, const lg_trajectories *test,
-                 const double *predicted) {
-    const size_t drawn = values.drawn > 0 ? values.drawn : SHOWN_TRAJECTORIES;
-    draw_trajectories(self, "Trajectories of the test set, true and predicted", model, test->t, test->data,
-                      predicted, test->count < drawn ? test->count : drawn, test->points);
-}
-
 /* Writes a finite verdict and a description of the test set into the model file. */
 static lg_status record(const app *self, lg_hamiltonian_file *file, const lg_trajectories *test,
                         const verdict *result, lg_error *error) {
@@ -112,7 +105,10 @@ static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_traject
     APP_MUST(self, judge(self->context, self->threads, model, file->theta, test, tolerance, predicted,
                          &result, &error));
     if (values.relative) APP_MUST(self, judge_relative(test, predicted, &result, &error));
-    draw(self, model, test, predicted);
+    app_plot_draw(self, 0,
+                  &(drawn_flow){"Trajectories of the test set, true and predicted", model, test->t,
+                                test->data, predicted,
+                                test->count < values.drawn ? test->count : values.drawn, test->points});
     const double seconds = app_seconds() - begin;
     const int code = check_finite(self, test, &result);
     lg_error why = {LG_OK, ""};
@@ -165,6 +161,6 @@ const app_command hamiltonian_evaluate_command = {
                "included; the learned flow is integrated by an adaptive method of order 5 from the file's "
                "first points. E2: mean |d - mean d|, d = H - H_learned at the starts; unknown (null) without "
                "/hamiltonian in the file.",
-    APP_DRAWS("the test trajectories, true and predicted"),
+    APP_DRAWS("the test trajectories, true and predicted", "learned_flow", put_flow),
     .settings = APP_SETTINGS(FLOW_TOLERANCE, APP_GIVEN(evaluate_options, values)),
     .run = run};

@@ -150,8 +150,9 @@ static void write_outputs(const app *self, prediction *p) {
     if (app_common_given.out != NULL)
         APP_MUST_FILE(self, app_common_given.out,
                       lg_trajectories_write(self->context, app_common_given.out, &p->y, &error));
-    draw_trajectories(self, "The learned flow", &p->file->run.model, p->y.t, p->truth, p->y.data, 1,
-                      p->y.points);
+    app_plot_draw(
+        self, 0,
+        &(drawn_flow){"The learned flow", &p->file->run.model, p->y.t, p->truth, p->y.data, 1, p->y.points});
 }
 
 static void prediction_destroy(prediction *p) {
@@ -188,6 +189,6 @@ const app_command hamiltonian_predict_command = {
     .summary = "Integrate the learned flow from a start",
     .details = "The start is --initial, or the scene's `initial`. With a scene the true flow is integrated "
                "too, and the largest difference is reported.",
-    APP_DRAWS("the trajectory; with a scene, the true one too"),
+    APP_DRAWS("the trajectory; with a scene, the true one too", "learned_flow", put_flow),
     .settings = APP_SETTINGS(FLOW, APP_GIVEN(predict_options, app_common_given)),
     .run = run};

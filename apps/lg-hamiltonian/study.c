@@ -248,7 +248,6 @@ const app_command hamiltonian_study_command = {
                "repeats of each cell and geometric means over all runs of an integrator. The default seed is "
                "the grid's; other keys that it lacks have the values of train --preset thesis.",
     .settings = APP_SETTINGS(APP_GIVEN(study_options, values)),
-    .plots = APP_PLOTS(APP_PLOT("work", "median E1 against training time", "training_time", study_put,
-                                .usual = APP_PLOT_ANY)),
+    APP_DRAWS("median E1 against training time", "training_time", study_put),
     .run = run,
     .together = APP_RANKS};

@@ -54,11 +54,15 @@ lg_status judge_relative(const lg_trajectories *test, const double *predicted, v
 
 /* ---- drawing (plots.c) ---- */
 
-enum { SHOWN_TRAJECTORIES = 10 }; /* default number of trajectories in the plot */
-/* Draws true (may be NULL) and predicted trajectories, both (n, points, d), at times t (points). Chains: each
+/* Trajectories: true (may be NULL) and predicted ones, both (n, points, d), at times t (points). Chains: each
  * link on a sphere. One degree of freedom: the phase portrait, and q and p against t. Otherwise: q_2 against
  * q_1. */
-void draw_trajectories(const app *app, const char *title, const lg_hamiltonian *model, const double *t,
-                       const double *truth, const double *predicted, size_t n, size_t points);
+typedef struct drawn_flow {
+    const char *title;
+    const lg_hamiltonian *model;
+    const double *t, *truth, *predicted;
+    size_t n, points;
+} drawn_flow;
+void put_flow(app_plot *plot, const void *drawn);
 
 #endif

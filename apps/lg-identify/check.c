@@ -170,8 +170,9 @@ static void run(app *self) {
     warn_of_gaps(self, &data.logs);
     warn_of_inputs(self, &data);
     lg_machine_warn_of_gauge(self->context, &data.file.machine);
-    identify_draw_run(self, "First run of the log", &data.file, &data.logs.log,
-                      identify_first_run(&data.logs), NULL);
+    app_plot_draw(self, 0,
+                  &(identify_plot){"First run of the log", &data.file, &data.logs.log,
+                                   identify_first_run(&data.logs), .runs = NULL});
     report(self, &data);
 }
 
@@ -182,5 +183,5 @@ const app_command identify_check_command = {
     .details = "If the logs contradict MACHINE.yaml (swapped columns, wrong units, two clocks), the exit "
                "code is 3, and a sentence names file, column and remedy. There is a warning for each "
                "quantity that the logs do not determine.",
-    APP_DRAWS("all columns of the first run"),
+    APP_DRAWS("all columns of the first run", "machine", identify_put),
     .run = run};

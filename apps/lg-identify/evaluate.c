@@ -441,7 +441,12 @@ static void draw(const app *self, const identify_given *given, const verdict *v)
         APP_MUST(self, lg_machine_horizon(&given->model, &logs->log,
                                           shortest * pow(longest / shortest, (double)i / (POINTS - 1)), every,
                                           &curve[i], &error));
-    identify_draw_evaluation(self, given, &v->runs, curve, POINTS);
+    app_plot_draw(
+        self, 0,
+        &(identify_plot){"First run of the log: logged (thick) and predicted from its start (thin); "
+                         "what was learned",
+                         &given->data.file, &logs->log, identify_first_run(logs), &v->runs, given, curve,
+                         POINTS});
 }
 
 /* ---- the command ---- */
@@ -470,6 +475,7 @@ const app_command identify_evaluate_command = {
         "stands still and of a linear model v' = A (q, v, u, 1), fitted to the same logs. With positions or "
         "accelerations alone, some rows (--start-rows) estimate the state at each start, for these two "
         "machines too; these rows do not count.",
-    APP_DRAWS("the first run, errors against horizons, learned potential and friction"),
+    APP_DRAWS("the first run, errors against horizons, learned potential and friction", "machine",
+              identify_put),
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

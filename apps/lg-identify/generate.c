@@ -412,7 +412,7 @@ static void run(app *self) {
     log.q = m.motion.q, log.v = m.motion.v;
     size_t rows;
     (void)identify_write(self, values.out, &m.file, &log, NULL, &m.motion, input_of, &m, &rows);
-    identify_draw_run(self, "First run", &m.file, &log, 1, NULL);
+    app_plot_draw(self, 0, &(identify_plot){"First run", &m.file, &log, 1, .runs = NULL});
     report(self, &m, rows);
 }
 
@@ -424,6 +424,6 @@ const app_command identify_generate_command = {
         "SCENE.yaml is a machine file: masses, damping and input map of kind known with their values, "
         "potentials {kind: known, form: ..., of: ..., values: ...}. Starts are drawn around 0 (attitudes: "
         "around 1, directions: around e3) with --start-spread and --seed.",
-    APP_DRAWS("the first run"),
+    APP_DRAWS("the first run", "machine", identify_put),
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

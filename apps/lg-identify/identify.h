@@ -154,12 +154,18 @@ void identify_values(const app *self, const lg_learned_machine *model, size_t co
 
 /* ---- plots (plots.c) ---- */
 
-/* With --plot, draws each column of the first run against time, and the predictions, which may be NULL. */
-void identify_draw_run(const app *self, const char *title, const lg_machine_file *file,
-                       const lg_machine_log *log, size_t parts, const identify_runs *runs);
-
-/* Draws the plot of evaluate --plot: a free run, errors against horizons, and what was learned. */
-void identify_draw_evaluation(const app *self, const identify_given *given, const identify_runs *runs,
-                              const lg_horizon *horizons, size_t horizon_count);
+/* Each column of the first parts of a log against time, and its predictions; of an evaluation also errors
+ * against horizons, and what was learned. */
+typedef struct identify_plot {
+    const char *title;
+    const lg_machine_file *file;
+    const lg_machine_log *log;
+    size_t parts;
+    const identify_runs *runs;   /* NULL: there is no prediction */
+    const identify_given *given; /* of an evaluation, else NULL */
+    const lg_horizon *horizons;
+    size_t horizon_count;
+} identify_plot;
+void identify_put(app_plot *plot, const void *drawn);
 
 #endif

@@ -138,8 +138,9 @@ static void run(app *self) {
     predict(self, &p);
     const bool finite = identify_write(self, values.out, &data->file, &data->logs.log, data->logs.part_run,
                                        &p.runs, input_of, data, &p.rows);
-    identify_draw_run(self, "First run of the log: logged (thick) and predicted (thin)", &data->file,
-                      &data->logs.log, identify_first_run(&data->logs), &p.runs);
+    app_plot_draw(self, 0,
+                  &(identify_plot){"First run of the log: logged (thick) and predicted (thin)", &data->file,
+                                   &data->logs.log, identify_first_run(&data->logs), &p.runs, .given = NULL});
     report(self, &p);
     if (!finite)
         self->code =
@@ -157,6 +158,6 @@ const app_command identify_predict_command = {
         "A run goes from the first complete row of each part without a gap (or from --start) to its end; "
         "with positions or accelerations alone some rows (--start-rows) estimate its start. Columns that "
         "leave the range of the training data are named in warnings.",
-    APP_DRAWS("the first run, logged and predicted"),
+    APP_DRAWS("the first run, logged and predicted", "machine", identify_put),
     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
     .run = run};

@@ -375,7 +375,7 @@ static void write_out(study *all) {
     if (files->out != NULL)
         APP_MUST_FILE(self, files->out,
                       result_write(self, files->out, total, kept && status == LG_OK ? &rows : NULL, &error));
-    if (self->ranks == NULL) ensemble_draw(self, total);
+    if (self->ranks == NULL) app_plot_row(self, ensemble_plots, total);
     if (status == LG_OK) return;
     self->code = app_fail(self, status, "%s; the statistics are in %s", lost.message, files->out);
     if (self->ranks != NULL) app_end(self->code);

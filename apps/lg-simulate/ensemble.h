@@ -101,7 +101,7 @@ lg_status result_read(const app *self, const char *path, result *out, lg_error *
 /* ensemble_report.c: prints the results and warns of members that failed. If all failed, it ends the command
  * with the exit code of their most frequent status. `stats` is NULL if the results were merged from files. */
 void ensemble_conclude(const app *self, const result *what, const lg_ensemble_stats *stats, const char *out);
-void ensemble_draw(const app *self, const result *what); /* to --plot; nothing without it */
+extern const app_plot_kind ensemble_plots[]; /* of a result */
 
 /* ensemble.c: runs the ensemble. A failure of one rank is a failure of all. */
 void ensemble(simulation *sim, const ensemble_files *files);

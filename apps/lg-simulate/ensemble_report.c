@@ -116,7 +116,7 @@ static void put_bands(app_plot *plot, const result *what, size_t column) {
         double line[1 + LG_COUNT(quantiles)] = {what->t[row]};
         for (size_t i = 0; i < LG_COUNT(quantiles); i++)
             line[1 + i] = lg_statistics_quantile(what->states, row, column, quantiles[i].p);
-        app_plot_numbers(plot, 9, line, LG_COUNT(line));
+        APP_PLOT_COLUMNS(plot, 9, 1, {line, 0, LG_COUNT(line)});
     }
     app_plot_block(plot);
 }
@@ -134,20 +134,21 @@ static void put_times(app_plot *plot, const result *what, size_t event) {
     app_plot_block(plot);
 }
 
-void ensemble_draw(const app *self, const result *what) {
-    app_plot plot;
+static void put_ensemble(app_plot *plot, const void *total) {
+    const result *what = total;
     size_t chosen[PANELS], shown = 0;
-    if (!app_plot_begin(&plot, "ensemble")) return;
     for (size_t c = 0; c < what->columns && shown < PANELS; c++)
         if (strncmp(what->column[c], "drift of ", 9) != 0) chosen[shown++] = c;
-    app_plot_text(&plot, "%zu\t%zu", shown, shown + (size_t)what->events);
+    app_plot_text(plot, "%zu\t%zu", shown, shown + (size_t)what->events);
     for (size_t i = 0; i < shown; i++) {
-        app_plot_text(&plot, "%s", what->column[chosen[i]]);
-        put_bands(&plot, what, chosen[i]);
+        app_plot_text(plot, "%s", what->column[chosen[i]]);
+        put_bands(plot, what, chosen[i]);
     }
     for (size_t e = 0; e < what->events; e++) {
-        app_plot_text(&plot, "first %s", what->event[e]);
-        put_times(&plot, what, e);
+        app_plot_text(plot, "first %s", what->event[e]);
+        put_times(plot, what, e);
     }
-    app_plot_end(self, &plot);
 }
+
+const app_plot_kind ensemble_plots[] = {
+    APP_PLOT("ensemble", "the bands of quantiles over time", "ensemble", put_ensemble), {.name = NULL}};

@@ -163,7 +163,7 @@ void merge_parts(const app *self, const char *out, const char *const *paths, siz
     }
     const result_rows rows = {list.rows, list.row_count, list.dim};
     APP_MUST_FILE(self, out, result_write(self, out, whole, list.row_count > 0 ? &rows : NULL, &error));
-    ensemble_draw(self, whole);
+    app_plot_draw(self, 0, whole);
     ensemble_conclude(self, whole, NULL, out);
 }
 
@@ -182,7 +182,7 @@ int merge_main(int argc, char **argv) {
                                     .arguments = "OUT.h5 PART.h5...",
                                     .summary = "Merges the parts of an ensemble that --task wrote. "
                                                "The statistics are the same as from one process.",
-                                    APP_DRAWS("the bands of quantiles over time"),
+                                    .plots = ensemble_plots,
                                     .settings = APP_SETTINGS(APP_GIVEN(options, values)),
                                     .run = run},
                                    {.name = NULL}};

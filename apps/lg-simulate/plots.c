@@ -18,60 +18,26 @@ static const double *time_at(const report *what) {
 
 /* ---- components ---- */
 
-/* Symbols and units for the keys of a state. The units are those of chains, where q is a direction. */
-static const struct {
-    const char *key, *symbol, *unit;
-} symbols[] = {{"omega", "ω", " [rad/s]"}, {"Omega", "Ω", " [rad/s]"}, {"mu", "μ", " [kg m^2/s]"},
-               {"pi", "π", " [kg m^2/s]"}, {"Pi", "Π", " [kg m^2/s]"}, {"Gamma", "Γ", ""},
-               {"y", "y", " [m]"},         {"v", "v", " [m/s]"}};
-
-static const char *symbol_of(const char *key) {
-    for (size_t i = 0; i < LG_COUNT(symbols); i++)
-        if (strcmp(symbols[i].key, key) == 0) return symbols[i].symbol;
-    return key;
-}
-
-static const char *unit_of(const simulation *sim, const char *key) {
-    for (size_t i = 0; i < LG_COUNT(symbols); i++)
-        if (strcmp(symbols[i].key, key) == 0) return symbols[i].unit;
-    return strcmp(key, "p") == 0 && lg_system_links(sim->system) > 0 ? " [kg m^2/s]" : "";
-}
-
-/* Adds a symbol such as q_{2,x} to the texts. */
-static void put_symbol(app_plot *plot, const block *at, size_t component) {
-    char below[48];
-    block_part(at, component, below, sizeof below);
-    const char *symbol = symbol_of(at->key), *comma = below[0] != '\0' ? "," : "";
-    if (at->index > 0)
-        app_plot_text(plot, "%s_{%zu%s%s}", symbol, at->index, comma, below);
-    else
-        app_plot_text(plot, below[0] != '\0' ? "%s_{%s}" : "%s", symbol, below);
-}
-
-/* Draws up to three blocks with this key: the first, a middle one and the last. The title is such as
- * "components of q" or "components of q_1, q_10, q_20 (of 20)". */
+/* Draws up to three blocks with this key: the first, a middle one and the last. */
 static void put_components(app_plot *plot, const report *what, const char *key) {
     const simulation *sim = what->sim;
-    const block *of[MAX_BLOCKS];
-    const size_t width = find_block(sim, key, 1)->count, fit = width < MAX_CURVES ? MAX_CURVES / width : 1;
+    const block *first = find_block(sim, key, 1);
+    const size_t each = first->count < MAX_CURVES ? first->count : MAX_CURVES, fit = MAX_CURVES / each;
     app_plot_column columns[1 + MAX_BLOCKS] = {{time_at(what), 1, 1}};
-    size_t all = 0;
+    size_t all = 0, shown = fit < MAX_BLOCKS ? fit : MAX_BLOCKS;
     for (size_t i = 0; i < sim->block_count; i++) all += strcmp(sim->blocks[i].key, key) == 0;
-    size_t shown = fit < MAX_BLOCKS ? fit : MAX_BLOCKS;
     if (all < shown) shown = all;
-    APP_CLEAN(lg_text_destroy) lg_text title = app_text();
-    lg_text_add(&title, "components of %s", shown == all ? symbol_of(key) : "");
+    app_plot_text(plot, "components\t%s\t%d\t%zu\t%zu\t%zu", key, lg_system_links(sim->system) > 0, all,
+                  shown, each);
     for (size_t k = 0; k < shown; k++) {
-        of[k] = find_block(sim, key, shown > 1 ? 1 + k * (all - 1) / (shown - 1) : 1);
-        if (shown < all) lg_text_add(&title, "%s%s_{%zu}", k > 0 ? ", " : "", symbol_of(key), of[k]->index);
+        const block *at = find_block(sim, key, shown > 1 ? 1 + k * (all - 1) / (shown - 1) : 1);
+        app_plot_text(plot, "%zu", at->index);
+        columns[1 + k] = (app_plot_column){state_at(what, 0) + at->offset, sim->dim, each};
     }
-    if (shown < all) lg_text_add(&title, " (of %zu)", all);
-    const size_t each = width < MAX_CURVES ? width : MAX_CURVES;
-    app_plot_text(plot, "components\t%s\t%s%s\t%zu", title.data, symbol_of(key), unit_of(sim, key),
-                  shown * each);
-    for (size_t k = 0; k < shown; k++) {
-        for (size_t c = 0; c < each; c++) put_symbol(plot, of[k], c);
-        columns[1 + k] = (app_plot_column){state_at(what, 0) + of[k]->offset, sim->dim, each};
+    for (size_t c = 0; c < each; c++) {
+        char part[48];
+        block_part(first, c, part, sizeof part);
+        app_plot_text(plot, "%s", part);
     }
     app_plot_columns(plot, 9, what->path->kept, columns, 1 + shown);
     app_plot_block(plot);
@@ -117,11 +83,6 @@ static void put_overview(app_plot *plot, const report *what) {
     put_panel(plot, what, what->how->control.steps == 0 ? "steps" : second);
 }
 
-static void put_components_of_all(app_plot *plot, const report *what) {
-    for (const block *at = what->sim->blocks; at < what->sim->blocks + what->sim->block_count; at++)
-        if (find_block(what->sim, at->key, 1) == at) put_components(plot, what, at->key);
-}
-
 /* ---- space ---- */
 
 /* Writes the point that leaves a path; with `whole` a snapshot of all. */
@@ -131,11 +92,11 @@ static void put_chain(app_plot *plot, const report *what, const double *y, bool 
     size_t links = 0;
     const double *lengths = parameter_values(what->sim, "lengths", &links);
     double x[3] = {0, 0, 0};
-    if (whole) app_plot_numbers(plot, 9, x, 3);
+    if (whole) APP_PLOT_COLUMNS(plot, 9, 1, {x, 0, 3});
     for (size_t i = 0; i < links; i++) {
         const double *q = y + find_block(what->sim, "q", i + 1)->offset;
         for (size_t c = 0; c < 3; c++) x[c] += lengths[i] * q[c];
-        if (whole || i + 1 == links) app_plot_numbers(plot, 9, x, 3);
+        if (whole || i + 1 == links) APP_PLOT_COLUMNS(plot, 9, 1, {x, 0, 3});
     }
 }
 
@@ -144,7 +105,7 @@ static void put_quadrotors(app_plot *plot, const report *what, const double *y, 
     size_t count = 0;
     const double *lengths = parameter_values(what->sim, "lengths", &count);
     const double *payload = y + find_block(what->sim, "y", 1)->offset;
-    if (!whole) app_plot_numbers(plot, 9, payload, 3);
+    if (!whole) APP_PLOT_COLUMNS(plot, 9, 1, {payload, 0, 3});
     for (size_t i = 0; i < count && whole; i++) {
         const double *q = y + find_block(what->sim, "q", i + 1)->offset,
                      *R = y + find_block(what->sim, "R", i + 1)->offset;
@@ -157,7 +118,7 @@ static void put_quadrotors(app_plot *plot, const report *what, const double *y, 
                 line[arm][3 + c] = 0.4 * R[3 * c + arm];
             }
         }
-        for (int k = 0; k < 3; k++) app_plot_numbers(plot, 9, line[k], 6);
+        APP_PLOT_COLUMNS(plot, 9, 3, {line[0], 6, 6});
     }
 }
 
@@ -171,7 +132,7 @@ typedef struct sphere_curve {
  * curve is part of the state. */
 static const struct space_plot {
     const char *system, *title;
-    sphere_curve curves[3];
+    sphere_curve curves[3 + 1]; /* and a last one without a key */
     put_motion *motion;
 } plots[] = {
     {"pendulum-chain", "chain", .motion = put_chain},
@@ -200,15 +161,8 @@ static void put_sphere(app_plot *plot, const report *what, const sphere_curve *c
     const block *at = find_block(what->sim, curve->key, 1);
     const double *by =
         curve->parameter != NULL ? parameter_values(what->sim, curve->parameter, &count) : vector;
-    app_plot_text(plot, "%s", curve->title);
-    for (size_t i = 0; i < what->path->kept; i++) {
-        const double *x = state_at(what, i) + at->offset;
-        double turned[3];
-        for (int c = 0; c < 3; c++)
-            turned[c] =
-                at->count == 3 ? x[c] : x[3 * c] * by[0] + x[3 * c + 1] * by[1] + x[3 * c + 2] * by[2];
-        app_plot_numbers(plot, 9, turned, 3);
-    }
+    app_plot_text(plot, "%s\t%d\t%.17g\t%.17g\t%.17g", curve->title, at->count == 9, by[0], by[1], by[2]);
+    APP_PLOT_COLUMNS(plot, 9, what->path->kept, {state_at(what, 0) + at->offset, what->sim->dim, at->count});
     app_plot_block(plot);
 }
 
@@ -227,39 +181,42 @@ static void put_path(app_plot *plot, const report *what, put_motion *put) {
 
 /* ---- the plots ---- */
 
-static void draw_space(app_plot *plot, const void *user) {
+static void put_space(app_plot *plot, const void *user) {
     const report *what = user;
     const struct space_plot *row = find_space(what->sim);
-    (void)app_plot_begin(plot, row->motion != NULL ? "motion" : "sphere");
     app_plot_text(plot, "%s", row->title);
-    if (row->motion != NULL) put_path(plot, what, row->motion);
-    for (size_t c = 0; c < LG_COUNT(row->curves) && row->curves[c].key != NULL; c++)
-        put_sphere(plot, what, &row->curves[c]);
+    if (row->motion != NULL) {
+        put_path(plot, what, row->motion);
+        return;
+    }
+    plot->script = "sphere";
+    for (const sphere_curve *at = row->curves; at->key != NULL; at++) put_sphere(plot, what, at);
 }
 
 /* The numbers of the steps, and the panels of the kind. */
-static void draw_run(app_plot *plot, const void *user) {
+static void put_run(app_plot *plot, const void *user) {
     const report *what = user;
     const trace *at = &what->seen->trace;
     APP_PLOT_COLUMNS(plot, 9, at->count, {at->rows, at->width, at->width});
     app_plot_block(plot);
     if (strcmp(plot->kind, "overview") == 0)
         put_overview(plot, what);
-    else if (strcmp(plot->kind, "components") == 0)
-        put_components_of_all(plot, what);
-    else
+    else if (strcmp(plot->kind, "components") != 0)
         put_panel(plot, what, plot->kind);
+    else
+        for (const block *b = what->sim->blocks; b < what->sim->blocks + what->sim->block_count; b++)
+            if (find_block(what->sim, b->key, 1) == b) put_components(plot, what, b->key);
 }
 
 enum { SPACE = 2 };
 static char no_space[96];
 const app_plot_kind simulate_plots[] = {
-    APP_PLOT("overview", "four panels", "simulation", draw_run, .usual = APP_PLOT_ANY),
-    APP_PLOT("components", "of the state", "simulation", draw_run),
-    APP_PLOT("invariants", "their drift", "simulation", draw_run),
-    APP_PLOT("manifold", "the distance from it", "simulation", draw_run),
-    APP_PLOT("steps", "their sizes", "simulation", draw_run),
-    APP_PLOT("3d", "the motion in space", NULL, draw_space, SPACE, no_space),
+    APP_PLOT("overview", "four panels", "simulation", put_run),
+    APP_PLOT("components", "of the state", "simulation", put_run),
+    APP_PLOT("invariants", "their drift", "simulation", put_run),
+    APP_PLOT("manifold", "the distance from it", "simulation", put_run),
+    APP_PLOT("steps", "their sizes", "simulation", put_run),
+    APP_PLOT("3d", "the motion in space", "motion", put_space, SPACE, no_space),
     {.name = NULL}};
 
 unsigned simulate_has(const simulation *sim) {

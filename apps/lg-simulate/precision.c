@@ -183,20 +183,20 @@ static void report_diagram(const diagram *d) {
 
 /* ---- the plot ---- */
 
-static void draw(const diagram *d) {
-    app_plot plot;
-    if (!app_plot_begin(&plot, "precision")) return;
-    app_plot_text(&plot, "%s to t = %g", lg_system_name(d->sim->system), d->sim->t_end);
+static void put_precision(app_plot *plot, const void *shown) {
+    const diagram *d = shown;
+    app_plot_text(plot, "%s to t = %g", lg_system_name(d->sim->system), d->sim->t_end);
     for (const curve *at = d->curves; at < d->curves + d->count; at++) {
         if (at->count == 0) continue;
-        app_plot_text(&plot, "%s", at->what.scheme.name);
+        app_plot_text(plot, "%s", at->what.scheme.name);
         for (size_t i = 0; i < at->count; i++)
-            APP_PLOT_ROW(&plot, 9, at->points[i].seconds, (double)at->points[i].stats.evaluations,
+            APP_PLOT_ROW(plot, 9, at->points[i].seconds, (double)at->points[i].stats.evaluations,
                          fmax(at->points[i].error, 1e-17));
-        app_plot_block(&plot);
+        app_plot_block(plot);
     }
-    app_plot_end(d->sim->self, &plot);
 }
+
+static const app_plot_kind plot = APP_PLOT("precision", NULL, "precision", put_precision);
 
 /* ---- the command ---- */
 
@@ -234,6 +234,6 @@ void work_precision(simulation *sim) {
     if (values->scheme != NULL) add_curve(&d, method_named(sim, "scheme", values->scheme));
     find_reference(&d);
     fill(&d);
-    draw(&d);
+    app_plot_row(sim->self, &plot, &d);
     report_diagram(&d);
 }

@@ -1,9 +1,9 @@
-# Beams, with equal scales on both axes. T[1]: title or nothing, T[2]: 1 with a legend, else 0, or 2 for a learned curve,
-# T[3]: width of the lines of minima. Then for each beam its legend, and 1 if it is a saddle, else 0;
-# for a learned curve 1 with the solution, else 0.
+# Beams, with equal scales on both axes. T[1]: title, or nothing for thick lines, T[2]: 1 with a legend, else 0, or 2 for a learned
+# curve. Then for each beam its legend, and 1 if it is a saddle, else 0; for a learned curve 1 with the solution, else 0.
 # Columns: x, y. Index k: beam k; of a learned curve 1: its nodes, 2: the solution, or NaN.
 learned = V(2) > 1
-n = learned ? 2 : (count - 3) / 2
+width = T[1] eq '' ? 2.5 : 1.3
+n = learned ? 2 : (count - 2) / 2
 # The curves are 720 pixels wide. The tics of y have about four steps, 1, 2 or 5 times a power of ten; fewer if the box is low.
 stats datafile index 1:n using 1:2 nooutput
 dx = STATS_max_x - STATS_min_x < 1e-6 ? 1e-6 : STATS_max_x - STATS_min_x
@@ -26,11 +26,11 @@ set title T[1]
 if (V(2) == 0) { unset key }
 if (V(2) == 1) { set key outside right top }
 colour(k) = word('#1f5fa8 #d1641f #2e8b57 #8b3a8b #b8860b #c0392b #17a2b8 #6b4423 #5d6d7e #7cb342 #e377c2 #3f51b5', 1 + int(k - 1) % 12)
-saddle(k) = V(3 + 2 * k) > 0
+saddle(k) = V(2 + 2 * k) > 0
 if (learned) {
     set key top center horizontal outside
-    plot datafile index 2 with lines lw V(3) lc rgb '#1f5fa8' title (V(4) > 0 ? 'solved' : ''), \
+    plot datafile index 2 with lines lw width lc rgb '#1f5fa8' title (V(3) > 0 ? 'solved' : ''), \
         datafile index 1 with linespoints pt 7 ps 0.5 lw 1 lc rgb '#d1641f' title 'learned'
 } else {
-    plot for [k = 1:n] datafile index k with lines lw (saddle(k) ? 1.5 : V(3)) dt 1 + saddle(k) lc rgb colour(k) title T[2 + 2 * k]
+    plot for [k = 1:n] datafile index k with lines lw (saddle(k) ? 1.5 : width) dt 1 + saddle(k) lc rgb colour(k) title T[1 + 2 * k]
 }

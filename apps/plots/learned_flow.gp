@@ -1,16 +1,17 @@
-# Trajectories on R^(2n). T[1]: title, T[2]: number of panels: 3, for one degree of freedom, with the phase portrait and q and p against t, or 1, with q_2
-# against q_1. T[3]: number of true trajectories, T[4]: of predicted ones. A block for each, the true ones first. Columns: the first two coordinates, t.
-phase = V(2) > 1
+# Trajectories. T[1]: title, T[2]: size d of a state, T[3]: number of true trajectories, T[4]: of predicted ones. A block for each, the true ones first.
+# Columns: the state, t. For one degree of freedom the phase portrait and q and p against t are drawn, otherwise q_2 against q_1.
+phase = V(2) == 2
+panels = phase ? 3 : 1
 true = V(3)
 all = V(3) + V(4)
 eval size(phase ? 3*520 : 700, (phase ? 520 : 700) + 30)
-set multiplot layout 1,V(2) title T[1] noenhanced
+set multiplot layout 1,panels title T[1] noenhanced
 set key below center horizontal
 set bmargin 5
 set autoscale xfix
 set offsets graph 0.03, graph 0.03, graph 0.03, graph 0.03
 set size ratio -1
-do for [panel = 1:V(2)] {
+do for [panel = 1:panels] {
     set xlabel panel > 1 ? 't (s)' : phase ? 'q' : 'q_1'
     set ylabel panel == 3 ? 'p' : panel == 2 ? 'q' : phase ? 'p' : 'q_2'
     if (panel > 1) { set size noratio }

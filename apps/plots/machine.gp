@@ -2,8 +2,8 @@
 # T[1]: title, T[2]: columns of the log, T[3]: 1 with bands, else 0; then for each column its name, and 1 if it is held between two rows,
 # else 0. Then for each panel its kind and: columns: title, first column (from 1), number of columns, 1 if it is predicted, else 0;
 # errors: number of errors, their names, empty if there is none; potential, friction: name of the coordinate, number of logged points.
-# Columns: index 1: t, the log, its prediction, its standard deviations; for the errors a block of the horizon, and for each error those of
-# the model and of a motion that stays as it is; for each term three blocks: its x, share of the rows; x, learned value; logged points.
+# Columns: index 1: t, the log, its prediction, its standard deviations; for the errors a block of the horizon, the errors of the model, and
+# those of a motion that stays as it is; for each term three blocks: its x, share of the rows; x, learned value; logged points.
 C = int(V(2))
 name(c) = T[2 + 2 * c]
 held(c) = V(3 + 2 * c) > 0
@@ -53,9 +53,9 @@ do for [panel = 1:panels] {
         set logscale xy
         set format y '10^{%L}'
         set ytics 1e-12, 100
-        plot for [e = 1:V(at + 1)] datafile index block using 1:(T[at + 1 + e] eq '' ? NaN : column(2 * e)) \
+        plot for [e = 1:V(at + 1)] datafile index block using 1:(T[at + 1 + e] eq '' ? NaN : column(1 + e)) \
                 with linespoints lw 1.8 pt 7 ps 0.4 lc rgb strong(e) title T[at + 1 + e], \
-            for [e = 1:V(at + 1)] datafile index block using 1:(T[at + 1 + e] eq '' ? NaN : column(2 * e + 1)) \
+            for [e = 1:V(at + 1)] datafile index block using 1:(T[at + 1 + e] eq '' ? NaN : column(1 + V(at + 1) + e)) \
                 with lines lw 2 dt 3 lc rgb pale(e) title '', \
             NaN with lines lw 2 dt 3 lc rgb pale(5) title 'unchanged (dotted)'
         unset logscale xy

@@ -1,6 +1,6 @@
 # Runs of a controller: the motion of some, the starts of all, each input of some.
-# For each panel: title, label of x, label of y, legend of failed runs, legend of successful runs; then two numbers: of the motion x and y
-# of the goal, of an input its limits. Columns: x, y. Index 2 p - 1: failed runs of panel p, 2 p: successful ones. A block may be NaN.
+# For each panel: title, label of x, label of y, legend of failed runs, legend of successful runs; then two numbers: x and y of the
+# goal, of an input its limits. Columns: x, y. Index 2 p - 1: failed runs of panel p, 2 p: successful ones. A block may be NaN.
 panel(p, k) = 7 * (p - 1) + k
 panels = count / 7
 rows = (panels + 2) / 3

@@ -1,8 +1,9 @@
-# Panels of a run. Each panel has its kind and: components: title, label of y, number of curves, their names; phase: labels of x and y;
-# invariants: number of invariants, their names; manifold, steps: nothing. All texts are of our own tables: symbols such as q_{2,x}.
+# Panels of a run. Each panel has its kind and: components: key of a part of the state, 1 for systems with links, number of parts with this key, how
+# many are drawn, number of components of each; then the indices of those that are drawn, and the names of the components; phase: labels of x and y;
+# invariants: number of invariants, their names; manifold, steps: nothing. All texts are of our own tables.
 # index 1: t, step, distance from the manifold, drift of each invariant. Then for each panel of components a block of t and its curves,
 # for a phase portrait a block of x and y.
-length(at) = T[at] eq 'components' ? 4 + V(at + 3) : T[at] eq 'phase' ? 3 : T[at] eq 'invariants' ? 2 + V(at + 1) : 1
+length(at) = T[at] eq 'components' ? 6 + V(at + 4) + V(at + 5) : T[at] eq 'phase' ? 3 : T[at] eq 'invariants' ? 2 + V(at + 1) : 1
 panels = 0
 at = 1
 while (at <= count) {
@@ -11,9 +12,16 @@ while (at <= count) {
 }
 rows = (panels + 1) / 2
 eval size(panels > 1 ? 1120 : 900, rows > 1 ? 380*rows : 520)
+# Symbols and units of a part of the state; the units are those of chains, where q is a direction. Names such as q_{2,x}.
+symbol(key) = (out = key, sum [i = 1:6] (out = word('omega Omega mu pi Pi Gamma', i) eq key ? word('ω Ω μ π Π Γ', i) : out, 0), out)
+unit(key, links) = key eq 'omega' || key eq 'Omega' ? ' [rad/s]' : key eq 'mu' || key eq 'pi' || key eq 'Pi' || (key eq 'p' && links > 0) ? ' [kg m^2/s]' : \
+    key eq 'y' ? ' [m]' : key eq 'v' ? ' [m/s]' : ''
+below(index, part) = (out = (index eq '0' ? '' : index).(index eq '0' || part eq '' ? '' : ',').part, out eq '' ? '' : '_{'.out.'}')
 # A logarithmic axis shows no zero: y(column) is NaN there, and a panel without a curve shows the reason.
 y(k) = column(k) > 0 ? column(k) : NaN
 reason = ''
+stats datafile index 1 using (1) nooutput
+style = STATS_records >= 400 ? "lines" : "linespoints pt 7 ps 0.3"
 set multiplot layout rows, panels > 1 ? 2 : 1
 at = block = 1
 do for [k = 1:panels] {
@@ -39,15 +47,19 @@ do for [k = 1:panels] {
             shown = shown + shows[c]
             most = STATS_max
         }
-        stats datafile index 1 using (1) nooutput
-        many = STATS_records >= 400
         eval powers('y')
         set key inside bottom right samplen 1.5 nobox
     }
     if (kind eq 'components') {
-        set title T[at + 1]
-        set ylabel T[at + 2]
-        plot for [c = 1:V(at + 3)] datafile index block using 1:c+1 with lines lw 1.6 lc rgb colour(c) title T[at + 3 + c]
+        key = T[at + 1]
+        parts = int(V(at + 4))
+        each = int(V(at + 5))
+        list = ''
+        do for [k = 1:parts] { list = list.(k > 1 ? ', ' : '').symbol(key).'_{'.T[at + 5 + k].'}' }
+        set title 'components of '.(V(at + 3) == parts ? symbol(key) : sprintf('%s (of %d)', list, V(at + 3)))
+        set ylabel symbol(key).unit(key, V(at + 2))
+        plot for [c = 1:parts*each] datafile index block using 1:c+1 with lines lw 1.6 lc rgb colour(c) \
+            title symbol(key).below(T[at + 6 + (c - 1)/each], T[at + 6 + parts + (c - 1)%each])
     }
     if (kind eq 'phase') {
         set title 'phase portrait'
@@ -91,11 +103,7 @@ do for [k = 1:panels] {
         plot datafile index 1 using 1:(y(3)) with points pt 7 ps 0.25 lc rgb colour(4) notitle
     }
     if (kind eq 'steps' && shown > 0) {
-        if (many) {
-            plot datafile index 1 using 1:(y(2)) with lines lw 1.4 lc rgb colour(3) notitle
-        } else {
-            plot datafile index 1 using 1:(y(2)) with linespoints lw 1.4 pt 7 ps 0.3 lc rgb colour(3) notitle
-        }
+        plot datafile index 1 using 1:(y(2)) with @style lw 1.4 lc rgb colour(3) notitle
     }
     at = int(at + length(at))
 }
