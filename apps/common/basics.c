@@ -82,7 +82,8 @@ int app_usage(const app *self, const char *format, ...) {
     va_start(arguments, format);
     say_failure(self, format, arguments);
     va_end(arguments);
-    (void)fprintf(stderr, "Try '%s --help' for more information.\n", self->title);
+    (void)fprintf(stderr, "Try `%s --help' or `%s --usage' for more information.\n", self->title,
+                  self->title);
     return APP_EXIT_USAGE;
 }
 

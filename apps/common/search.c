@@ -19,7 +19,8 @@ const lg_field search_options[] = {
     APP_OUT(search_values, "FILE.csv", "Table of trials, written after each trial", .required = true,
             .usual = true),
     LG_OPTION(search_values, resume, SWITCH, NULL,
-              "Continue the search of this table; without --continue an existing table is replaced",
+              "Continue the search of this table; without --continue an existing table is replaced, unless "
+              "parts of a stopped search (FILE.part-i-of-n) lie next to it",
               .option = "continue", .usual = true),
     LG_OPTION(search_values, rungs, REALS, "R[,W[,Q]]",
               "Compare a trial with earlier trials at R points (0: never), and stop it at a point that W or "
@@ -289,12 +290,12 @@ static void warn(searching *search, const posted *p) {
     app_warn(search->app, "trial %llu failed: %s", (unsigned long long)p->trial.number, p->why);
 }
 
-/* Whether the trial has the values of this grid; true for other samplers. */
-static bool is_point(const searching *search, const lg_trial *trial) {
+/* Whether the trial has the values that the sampler gives it; true if they do not depend on --trials. */
+static bool is_planned(const searching *search, const lg_trial *trial) {
     const lg_sampler *sampler = lg_search_sampler(search->options.sampler);
     const lg_search_space *space = &search->file->space;
     double value[LG_RANGE_MAX];
-    if (sampler->points == NULL) return true;
+    if (!sampler->planned) return true;
     (void)sampler->next(space, &search->options, trial->number, NULL, 0, value);
     return memcmp(value, trial->value, space->count * sizeof *value) == 0;
 }
@@ -303,7 +304,7 @@ static bool take_trial(void *user, size_t item, void *record, bool done, bool ow
     searching *search = user;
     posted *p = record;
     if (!own && (memchr(p->why, '\0', sizeof p->why) == NULL || p->trial.number != item ||
-                 !lg_trial_is_possible(&search->file->space, &p->trial) || !is_point(search, &p->trial)))
+                 !lg_trial_is_possible(&search->file->space, &p->trial) || !is_planned(search, &p->trial)))
         return false;
     if (!own) (void)lg_tame(p->why);
     search->results[item] = p->trial;
@@ -386,10 +387,12 @@ static lg_status read_table(searching *search, lg_error *error) {
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "trial %llu was already run, but only %llu trials are planned in all",
                            (unsigned long long)number, (unsigned long long)search_given.trials);
-        if (!is_point(search, &search->trials[i]))
+        if (!is_planned(search, &search->trials[i]))
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "trial %llu is not a point of this grid, whose levels depend on --trials",
-                           (unsigned long long)number);
+                           "trial %llu has other values than --sampler %s gives it with --trials %llu: give "
+                           "the --sampler and --trials with which the search began",
+                           (unsigned long long)number, lg_search_sampler_name(search->options.sampler),
+                           (unsigned long long)search->options.trials);
         if (!search->work.known[number]) search->results[number] = search->trials[i];
         search->work.known[number] = true;
     }

@@ -22,14 +22,14 @@ extern const lg_field search_options[];
 extern const app_plot_kind search_plots[];
 #define SEARCH_SHARED APP_GIVEN(search_options, search_given)
 
+/* The samplers are those of nn/search.h. */
+#define SEARCH_SAMPLER(name, sentence) " With --sampler " #name " " sentence "."
 #define SEARCH_DETAILS                                                                                       \
     "The file has `ranges`, options of train each with one of {uniform: [a, b]}, {log-uniform: [a, b]}, "    \
     "{integer: [a, b]}, {choice: [a, ...]}, and `fixed`, options with a value; an option that is in "        \
-    "neither has the default of train. With --sampler random a trial depends on the seed and its number "    \
-    "alone; tpe begins with 10 such trials; grid takes all combinations of the choices, of up to 16 "        \
-    "integers, and of evenly spaced values, as many as --trials allows. A trial that fails stays in the "    \
-    "table as failed; the exit code is 4 if no trial was finished. Ctrl-C keeps the finished trials and "    \
-    "ends with exit code 130; --continue continues to the same table."
+    "neither has the default of train. A trial that fails stays in the table as failed; the exit code is 4 " \
+    "if no trial was finished. Ctrl-C keeps the finished trials and ends with exit code 130; --continue "    \
+    "continues to the same table." LG_SAMPLERS(SEARCH_SAMPLER)
 
 /* The fields of a command `search`, except its settings and `run`. `data`: the data arguments of the
  * program's train command, e.g. "DATA.h5". */

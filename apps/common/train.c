@@ -372,8 +372,6 @@ static void check_method(const app *self, const train_task *task) {
     const lg_fit_settings *training = train_training(task);
     lg_fit_plan_show(&training->plan, plan);
     const bool prior = app_given(self, "prior") && training->prior > 0;
-    if (prior && !task->recipe->trainer->prior)
-        app_stop_usage(self, "--prior: the training of this model does not use a prior");
     if (prior && !takes_prior(&training->plan))
         app_stop_usage(self, "--prior: is for ssbroyden and lbfgs; training by %s has no such option", plan);
     if (lg_fit_plan_batches(&training->plan)) return;

@@ -44,4 +44,4 @@ static lg_status next(const lg_search_space *space, const lg_search_options *opt
     return LG_OK;
 }
 
-const lg_sampler lg_sampler_grid = {.name = "grid", .points = points, .next = next};
+const lg_sampler lg_sampler_grid = {.name = "grid", .planned = true, .points = points, .next = next};

@@ -8,12 +8,10 @@
 #include "core/core.h"
 #include "liegrad/core.h"
 
-#define SAMPLERS(X)   X(random) X(tpe) X(grid)
-#define SAMPLER(name) extern const lg_sampler lg_sampler_##name;
-SAMPLERS(SAMPLER)
-#undef SAMPLER
-#define SAMPLER(name) &lg_sampler_##name,
-static const lg_sampler *const samplers[] = {SAMPLERS(SAMPLER)};
+#define DECLARE(name, sentence) extern const lg_sampler lg_sampler_##name;
+#define ROW(name, sentence)     &lg_sampler_##name,
+LG_SAMPLERS(DECLARE)
+static const lg_sampler *const samplers[] = {LG_SAMPLERS(ROW)};
 
 struct lg_search {
     const lg_search_options *options;
@@ -207,31 +205,6 @@ static lg_status choose_values(const lg_search *search, const lg_search_space *s
     return sampler->next(space, search->options, trial->number, done, any ? count : 0, trial->value);
 }
 
-/* Runs the trial of `search`. Returns false if the trial was cancelled; the trial is not kept then. */
-static bool run_trial(lg_search *search, const lg_search_problem *problem, const lg_search_space *space,
-                      uint64_t number, lg_error *why) {
-    lg_trial *trial = search->trial;
-    *trial = (lg_trial){.number = number, .objective = NAN};
-    lg_status status = choose_values(search, space);
-    const double start = lg_seconds();
-    if (status == LG_OK) status = problem->run(problem->user, search, trial, why);
-    trial->seconds = lg_seconds() - start;
-    trial->number = number;
-    if (status == LG_CANCELLED && search->stopped) status = LG_OK;
-    if (status == LG_CANCELLED) return false;
-    if (status == LG_OK && search->stopped)
-        trial->state = LG_TRIAL_PRUNED;
-    else
-        trial->state = status == LG_OK && isfinite(trial->objective) ? LG_TRIAL_DONE : LG_TRIAL_FAILED;
-    if (trial->state != LG_TRIAL_FAILED) {
-        *why = (lg_error){LG_OK, ""};
-        return true;
-    }
-    trial->objective = NAN;
-    explain(trial, status, why);
-    return true;
-}
-
 lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_options *options,
                               const lg_search_problem *problem, lg_search_known known, uint64_t number,
                               lg_trial *trial, lg_error *why) {
@@ -242,10 +215,26 @@ lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_opti
                        "the problem, its function `run`, the options or the trials are NULL");
     LG_TRY(lg_search_space_check(space, why));
     LG_TRY(check_options(options, why));
-    lg_search one = {.options = options, .trial = trial, .known = known, .user = problem->user};
+    lg_search search = {.options = options, .trial = trial, .known = known, .user = problem->user};
     *why = (lg_error){LG_OK, ""};
-    if (run_trial(&one, problem, space, number, why)) return LG_OK;
-    return lg_fail(why, LG_CANCELLED, "the search was stopped in trial %llu", (unsigned long long)number);
+    *trial = (lg_trial){.number = number, .objective = NAN};
+    lg_status status = choose_values(&search, space);
+    const double start = lg_seconds();
+    if (status == LG_OK) status = problem->run(problem->user, &search, trial, why);
+    trial->seconds = lg_seconds() - start;
+    trial->number = number;
+    if (status == LG_CANCELLED && search.stopped) status = LG_OK;
+    if (status == LG_CANCELLED)
+        return lg_fail(why, status, "the search was stopped in trial %llu", (unsigned long long)number);
+    if (status == LG_OK && (search.stopped || isfinite(trial->objective))) {
+        trial->state = search.stopped ? LG_TRIAL_PRUNED : LG_TRIAL_DONE;
+        *why = (lg_error){LG_OK, ""};
+        return LG_OK;
+    }
+    trial->state = LG_TRIAL_FAILED;
+    trial->objective = NAN;
+    explain(trial, status, why);
+    return LG_OK;
 }
 
 static int by_number(const void *a, const void *b) {

@@ -4,11 +4,21 @@
 
 #include "liegrad/settings.h"
 
+/* The samplers: the name, and the sentence of `search --help` that begins "With --sampler NAME". */
+#define LG_SAMPLERS(X)                                                                                       \
+    X(random, "a trial depends on the seed and its number alone")                                            \
+    X(tpe, "the first 10 trials are random, and then values near those of the best trials are likely")       \
+    X(grid, "the trials are all combinations of the choices, of up to 16 integers, and of evenly spaced "    \
+            "values, as many as --trials allows")
+
 /* A sampler chooses the values of the next trial: a file sampler_NAME.c with a constant lg_sampler_NAME, and
- * an X(NAME) in search.c. */
+ * a row of LG_SAMPLERS. */
 typedef struct lg_sampler {
     const char *name; /* of --sampler */
     bool learns;      /* the values depend on trials that have ended */
+    /* The values depend on the planned trials, options->trials; not together with `learns`. A table is then
+     * continued only if all of its trials have the values that the sampler gives. */
+    bool planned;
     /* The number of points of a grid for so many planned trials, and the levels of each range. Trial t is
      * point t; after the last one the points begin again. NULL: there is no end. */
     double (*points)(const lg_search_space *space, uint64_t trials, double *levels);

@@ -22,14 +22,9 @@ lg_status lg_plan_parse_any_loss(const char *text, void *member, lg_error *error
     return lg_fit_plan_parse(text, false, member, error);
 }
 
-const char *lg_plan_name_squares(uint32_t value) {
-    return lg_fit_method_name((lg_fit_method)value);
-}
-
 const char *lg_plan_name_any_loss(uint32_t value) {
-    for (uint32_t method = 0; lg_plan_name_squares(method) != NULL; method++)
-        if (!lg_fit_method_squares((lg_fit_method)method) && value-- == 0)
-            return lg_plan_name_squares(method);
+    for (lg_fit_method method = 0; lg_fit_method_name(method) != NULL; method++)
+        if (!lg_fit_method_squares(method) && value-- == 0) return lg_fit_method_name(method);
     return NULL;
 }
 

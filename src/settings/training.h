@@ -4,12 +4,13 @@
 
 #include "liegrad/settings.h"
 
-/* The options of training of every kind of model. CHOICE(text) states the defaults of method, epochs and
- * prior, VALUE(text) the other defaults. */
+/* The options of training of every kind of model. `losses_` is squares, for a loss that is a sum of squares,
+ * or any_loss, which leaves out --prior and the methods for squares. CHOICE(text) states the defaults of
+ * method, epochs and prior, VALUE(text) the other defaults. */
 #define TRAINING(run_, member, type, ...) LG_FIELD(run_, "run", #member, type, training.member, __VA_ARGS__)
 #define TRAINING_ROWS(run_, method_, losses_, samples, methods_, VALUE, CHOICE)                              \
     LG_FIELD(run_, "run", method_, PHRASE, training.plan, .option = "optimizer", .usual = true,              \
-             .parse = lg_plan_parse_##losses_, .phrase = lg_plan_show, .value_name = lg_plan_name_##losses_, \
+             .parse = lg_plan_parse_##losses_, .phrase = lg_plan_show, .value_name = METHODS_FOR_##losses_,  \
              .form = "phases as in adam:100,ssbroyden", .optional = true, .methods = methods_,               \
              CHOICE("adam"), .unit = "M",                                                                    \
              .meaning = "Method of training; an epoch of adam and sgd is a step per batch, an epoch of "     \
@@ -36,8 +37,8 @@
                 "Schedule step: this factor, above 0; schedule cosine: the factor of the rate at the end"),  \
         TRAINING(run_, weight_decay, REAL, .high = 1e3, .methods = methods_, VALUE("0"), .unit = "W",        \
                  .meaning = "L2 penalty in the gradient"),                                                   \
-        TRAINING(run_, prior, REAL, .high = 1e6, .optional = true, .methods = methods_, CHOICE("0"),         \
-                 .unit = "S",                                                                                \
+        TRAINING(run_, prior, REAL, .high = 1e6, .option = PRIOR_FOR_##losses_, .optional = true,            \
+                 .methods = methods_, CHOICE("0"), .unit = "S",                                              \
                  .meaning = "Standard deviation of a Gaussian prior of the weights, so that ssbroyden and "  \
                             "lbfgs do not learn the noise of the data; 0 for no prior"),                     \
         TRAINING(run_, adam_eps, REAL, .adam = true, .high = 1, .above = true, .methods = methods_,          \
@@ -54,6 +55,10 @@
                      "loss, which is the loss of the validation part if there is one; 0 for never"),         \
         TRAINING(run_, seed, U64, .high = 0x1p64, .option = "", .value = "1", .unit = "S",                   \
                  .meaning = "Seed of all random numbers")
+#define METHODS_FOR_squares  lg_fit_method_name
+#define METHODS_FOR_any_loss lg_plan_name_any_loss
+#define PRIOR_FOR_squares    "prior"
+#define PRIOR_FOR_any_loss   ""
 
 /* Rows that some kinds of models have in common. */
 #define VALIDATION(run_, ...) TRAINING(run_, validation, REAL, PART_FOR_VALIDATION, __VA_ARGS__)
@@ -100,7 +105,6 @@ const void *lg_scheme_number(uint32_t value);
  * the methods for any loss. */
 lg_status lg_plan_parse_squares(const char *text, void *member, lg_error *error);
 lg_status lg_plan_parse_any_loss(const char *text, void *member, lg_error *error);
-const char *lg_plan_name_squares(uint32_t value);
 const char *lg_plan_name_any_loss(uint32_t value);
 void lg_plan_show(const void *member, char *text, size_t size);
 

@@ -68,7 +68,7 @@ $grid --trials 17 --out t.csv --continue >/dev/null 2>&1
 diff five <(points t.csv | head -n 5) || fail "the second part changes the first"
 code=0
 $grid --trials 20 --out t.csv --continue >/dev/null 2>err || code=$?
-[ $code = 2 ] && grep -q "trial 0 is not a point of this grid" err || fail "other levels: $code $(cat err)"
+[ $code = 2 ] && grep -q "trial 0 has other values than --sampler grid gives it with --trials 20" err || fail "other levels: $code $(cat err)"
 $search --trials 12 --out t.csv --continue >/dev/null
 [ "$(points t.csv | wc -l)" = 12 ] || fail "tpe does not continue a grid"
 
@@ -77,3 +77,5 @@ code=0
 lg-elastica search ranges.yaml data.h5 --sampler nothing --out n.csv 2>err || code=$?
 [ $code = 2 ] && grep -q 'random' err && grep -q 'tpe' err && grep -q 'grid' err || fail "a wrong sampler: $code $(cat err)"
 lg-elastica search --help | grep -A4 -e "--sampler" | grep -q tpe || fail "--help does not list the samplers"
+lg-elastica search --help | tr -s '\n ' '  ' >help
+for name in random tpe grid; do grep -q "With --sampler $name [a-z]" help || fail "--help does not describe $name"; done

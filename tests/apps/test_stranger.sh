@@ -33,6 +33,7 @@ pairs() {
 }
 pairs 200 1 >train.csv
 pairs 100 2 >test.csv
+awk -F, -v OFS=, 'NR > 1 { for (i = 1; i <= 8; i++) $i += 0.1*(rand() - 0.5) } 1' train.csv >noisy.csv
 
 "$learn" list | grep -q '^rotor ' || fail "list: no rotor"
 way="--recipe rotor --method ssbroyden --epochs 300"
@@ -42,14 +43,25 @@ way="--recipe rotor --method ssbroyden --epochs 300"
     below "$loss" 1e-7 "train: the loss"
     "$learn" train train.csv $way --stop-after 100 --checkpoint half.h5 --out r.h5 >/dev/null 2>&1
     "$learn" train train.csv --recipe rotor --resume half.h5 --json --out r.h5 | grep -q "\"loss\": $loss" || fail "resume: other bits"
+    below "$("$learn" train train.csv --recipe rotor --method lm --epochs 100 --json --out lm.h5 | number loss)" 1e-7 "lm: the loss"
+    noisy="train noisy.csv --recipe rotor --method lbfgs --epochs 1000 --json"
+    below "$("$learn" $noisy --out noisy.h5 | number loss)" "$("$learn" $noisy --prior 0.1 --out prior.h5 | number loss)" "prior: the loss"
     "$learn" train train.csv --recipe rotor --size auto --epochs 20 --method lbfgs --out s.h5 >/dev/null 2>sizes || fail "size"
     grep -q 'size auto: [0-9]*, of [0-9]* widths' sizes || fail "size: no race"
     "$planted" train train.csv $way --out p.h5 >/dev/null || fail "planted: the training"
 }
 below "$("$learn" evaluate m.h5 test.csv --json | number loss)" 1e-6 "evaluate"
 
+# A message about an option names it, and ends with the same hint as a message about the form of the command line.
+head -n 2 train.csv >one.csv
+"$learn" train one.csv --recipe rotor --validation-fraction 0.5 --out one.h5 2>&1 |
+    grep -q -e '--validation-fraction: needs at least 2 samples' || fail "a validation part of one pair"
+hint() { "$learn" "$@" 2>&1 | tr '\n' ' ' | grep -o 'Try .*'; }
+[ -n "$(hint predict)" ] && [ "$(hint predict m.h5)" = "$(hint predict)" ] || fail "two hints: $(hint predict m.h5) $(hint predict)"
+
 printf 'ranges:\n  hidden: { choice: ["8", "16"] }\n  epochs: { integer: [20, 60] }\nfixed: { method: lbfgs }\n' >ranges.yaml
 "$learn" search ranges.yaml train.csv --recipe rotor --trials 4 --out trials.csv | grep -q 'best: trial' || fail "search"
+sed -n 2p trials.csv | tr , '\n' | sort | uniq -d | grep . && fail "search: two columns of one name"
 
 # For the first of two states 0.1 s apart the model must predict the second, and its energy must be constant.
 IFS=, read -r x a px pa x2 a2 px2 pa2 < <(sed -n 2p test.csv)

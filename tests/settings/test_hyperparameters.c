@@ -133,8 +133,8 @@ static const char *method_names(bool squares, const char *last) {
     return out;
 }
 
-TEST("lm is a method if the loss is a sum of squares, and only then") {
-    char text[1024];
+TEST("lm is a method, and --prior an option, if the loss is a sum of squares, and only then") {
+    char text[1024], prior[64];
     lg_error error;
     EACH_ROW(row) {
         if (!is_plan(row)) continue;
@@ -142,6 +142,8 @@ TEST("lm is a method if the loss is a sum of squares, and only then") {
                              tables[table] == lg_machine_model_fields;
         memset(&run, 0, sizeof run);
         assert_int_equal(lg_field_set(row, "adam:3,lm", &run, NULL), squares ? LG_OK : LG_INVALID_ARGUMENT);
+        lg_field_option(lg_field_find(tables[table], "prior"), prior, sizeof prior);
+        assert_string_equal(prior, squares ? "prior" : "");
         (void)lg_field_describe(row, text, sizeof text);
         assert_non_null(strstr(text, test_text("%s, or phases", method_names(squares, " or "))));
         assert_status(lg_field_set(row, "descent", &run, &error), LG_INVALID_ARGUMENT);

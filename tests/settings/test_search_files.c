@@ -245,6 +245,23 @@ TEST("the table of trials is text that other programs can read") {
                         "3,pruned,0.5,7,100,1.25,resnet,4,0.0078125,0.0625,true,0.75,0.5\n");
 }
 
+TEST("a range with the name of another column has a column of its own name") {
+    lg_search_file file = {.space = {.count = 2,
+                                     .ranges = {{.name = "epochs", .kind = LG_RANGE_INTEGER, .high = 100},
+                                                {.name = "lr", .kind = LG_RANGE_UNIFORM, .high = 1}}}};
+    const lg_trial trial = {.state = LG_TRIAL_PRUNED, .objective = 0.5, .epochs = 17, .value = {85, 0.25}};
+    const char *path = scratch_path("epochs.csv");
+    lg_trial back;
+    size_t size, count;
+    assert_ok(lg_trials_write(NULL, path, &file, 5, NULL, &trial, 1, NULL));
+    assert_string_equal(strchr((char *)read_bytes_of(path, &size), '\n') + 1,
+                        "trial,state,objective,parameters,epochs,seconds,option-epochs,lr\n"
+                        "0,pruned,0.5,0,17,0,85,0.25\n");
+    assert_ok(lg_trials_read(NULL, path, &file, 5, NULL, 1, &back, &count, NULL));
+    assert_int_equal(count, 1);
+    assert_same_trial(&back, &trial);
+}
+
 /* The table is cut anywhere: complete lines are read, and the last trial is run again. */
 TEST("if a table is cut anywhere, its complete lines are read") {
     const lg_search_file file = read_example();

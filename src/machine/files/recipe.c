@@ -376,7 +376,6 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
 const lg_trainer lg_machine_model_learner = {.data = "MACHINE.yaml LOG...",
                                              .state_size = sizeof(lg_machine_state),
                                              .held_out = "validation-fraction",
-                                             .prior = true,
                                              .read = read_data,
                                              .describe = describe,
                                              .prepare = prepare,

@@ -186,6 +186,9 @@ lg_status lg_training_hold_out(lg_training *self, double part, lg_error *error) 
 
 lg_status lg_training_create_fit(lg_training *self, lg_error *error) {
     LG_TRY(self->recipe->trainer->problem(self, error));
+    if (self->options.validation > 0 && self->problem.samples == 1)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "--validation-fraction: needs at least 2 samples, and the data have one");
     return lg_fit_create(self->context, &self->problem, &self->options, self->theta, &self->fit, error);
 }
 

@@ -69,7 +69,6 @@ typedef struct lg_trainer {
     /* values of the field "hidden" that --size auto compares, from small to large, ended by NULL; NULL: the
      * run has no such field */
     const char *const *sizes;
-    bool prior;                                 /* the loss is a mean square error, as --prior needs it */
     bool presets;                               /* the trainer has the presets "thesis" and "best" */
     bool (*has_width)(const lg_training *self); /* whether the model has hidden layers; NULL: always */
 

@@ -250,17 +250,6 @@ bool lg_trial_is_possible(const lg_search_space *space, const lg_trial *trial) {
     return good;
 }
 
-static lg_status check_trials(const lg_search_space *space, const lg_trial *trials, size_t count,
-                              lg_error *error) {
-    for (size_t i = 0; i < count; i++)
-        if (!lg_trial_is_possible(space, &trials[i]) || (i > 0 && trials[i].number <= trials[i - 1].number))
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "trial %" PRIu64 " does not come after the trial before it, or its state, a value "
-                           "or its number of reports is not possible",
-                           trials[i].number);
-    return LG_OK;
-}
-
 /* ---- writing ---- */
 
 void lg_search_label(const lg_search_file *search, uint64_t seed, const char *setting,
@@ -286,24 +275,21 @@ static const struct {
     {"seconds", COLUMN_REAL, offsetof(lg_trial, seconds)},
 };
 
-/* Name of column i: one that every table has, a range, or a rung. */
-enum { RUNG = 16 };
-static const char *name_of(const lg_search_space *space, size_t i, char rung[RUNG]) {
+/* Name of column i: one that every table has, a range, or a rung. A range with the name of a column that
+ * every table has, such as epochs, is option-NAME. */
+enum { NAME = LG_RANGE_NAME + 8 };
+static const char *name_of(const lg_search_space *space, size_t i, char made[NAME]) {
     if (i < LG_COUNT(columns)) return columns[i].name;
     i -= LG_COUNT(columns);
-    if (i < space->count) return space->ranges[i].name;
-    (void)snprintf(rung, RUNG, "rung%zu", i - space->count + 1);
-    return rung;
-}
-
-static void add_head(lg_columns *t, const lg_search_file *search, uint64_t seed, const char *setting,
-                     uint32_t reports) {
-    char label[LG_SEARCH_LABEL], rung[RUNG];
-    lg_search_label(search, seed, setting, label);
-    lg_text_add(&t->text, "# %s\n", label);
-    for (size_t i = 0; i < LG_COUNT(columns) + search->space.count + reports; i++)
-        lg_columns_name(t, name_of(&search->space, i, rung));
-    lg_columns_end(t);
+    if (i < space->count) {
+        const char *range = space->ranges[i].name;
+        size_t k = 0;
+        while (k < LG_COUNT(columns) && strcmp(columns[k].name, range) != 0) k++;
+        (void)snprintf(made, NAME, "%s%s", k < LG_COUNT(columns) ? "option-" : "", range);
+    } else {
+        (void)snprintf(made, NAME, "rung%zu", i - space->count + 1);
+    }
+    return made;
 }
 
 static void add_trial(lg_columns *t, const lg_search_space *space, const lg_trial *trial, uint32_t reports) {
@@ -329,15 +315,26 @@ static void add_trial(lg_columns *t, const lg_search_space *space, const lg_tria
 lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
                           uint64_t seed, const char *setting, const lg_trial *trials, size_t count,
                           lg_error *error) {
+    char label[LG_SEARCH_LABEL], made[NAME];
     if (path == NULL || (trials == NULL && count > 0))
         return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or the trials are NULL");
     LG_TRY(check_search(search, error));
-    LG_TRY(check_trials(&search->space, trials, count, error));
     uint32_t reports = 0;
-    for (size_t i = 0; i < count; i++)
+    for (size_t i = 0; i < count; i++) {
+        if (!lg_trial_is_possible(&search->space, &trials[i]) ||
+            (i > 0 && trials[i].number <= trials[i - 1].number))
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "trial %" PRIu64 " does not come after the trial before it, or its state, a value "
+                           "or its number of reports is not possible",
+                           trials[i].number);
         if (trials[i].reports > reports) reports = trials[i].reports;
+    }
     lg_columns t = {.text = {.context = context}, .words = true};
-    add_head(&t, search, seed, setting, reports);
+    lg_search_label(search, seed, setting, label);
+    lg_text_add(&t.text, "# %s\n", label);
+    for (size_t i = 0; i < LG_COUNT(columns) + search->space.count + reports; i++)
+        lg_columns_name(&t, name_of(&search->space, i, made));
+    lg_columns_end(&t);
     for (size_t i = 0; i < count; i++) add_trial(&t, &search->space, &trials[i], reports);
     return lg_columns_write(&t, context, path, error);
 }
@@ -420,12 +417,12 @@ static lg_status read_table(lg_frame *f, const lg_search_space *space, lg_trial 
                             size_t *count, lg_error *error) {
     enum { FIXED = LG_COUNT(columns), BLOCK = 256 };
     lg_frame_want want[FIXED + LG_RANGE_MAX + LG_TRIAL_REPORTS];
-    char rung[LG_COUNT(want)][RUNG];
+    char made[LG_COUNT(want)][NAME];
     f->want = want;
     f->wants = FIXED + space->count + LG_TRIAL_REPORTS;
     for (size_t i = 0; i < f->wants; i++)
         want[i] = (lg_frame_want){
-            .name = name_of(space, i, rung[i]), .as = LG_FRAME_CELL, .optional = i >= FIXED + space->count};
+            .name = name_of(space, i, made[i]), .as = LG_FRAME_CELL, .optional = i >= FIXED + space->count};
     LG_TRY(lg_frame_open(f, error));
     do {
         LG_TRY(lg_frame_next(f, BLOCK, error));

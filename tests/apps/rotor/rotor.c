@@ -38,7 +38,7 @@ static const lg_field lg_rotor_fields[] = {
              .value = "16", .unit = "W,...", .meaning = "Widths of the hidden layers"),
     LG_FIELD(lg_rotor_run, "model", "h", REAL, h, .high = 1e3, .above = true, .value = "0.1", .unit = "S",
              .meaning = "Seconds between the states of a pair, and the step of rk4"),
-    TRAINING_ROWS(lg_rotor_run, "method", any_loss, "Pairs", 0, CONSTANT, CONSTANT),
+    TRAINING_ROWS(lg_rotor_run, "method", squares, "Pairs", 0, CONSTANT, CONSTANT),
     VALIDATION(lg_rotor_run, .value = "0"), LG_FIELD_END};
 static const lg_rotor_run defaults;
 
@@ -153,9 +153,9 @@ static lg_status describe(lg_training *self, lg_error *error) {
                                                 : lg_fail(error, LG_INVALID_ARGUMENT, "--hidden: no network");
 }
 
-/* The mean square of the errors of one step. */
-static lg_status loss_of(void *user, lg_tape *t, lg_var theta, const uint32_t *samples, size_t count,
-                         size_t batch, lg_var *loss) {
+/* The errors of one step (count, D), divided such that the sum of their squares is a mean over the batch. */
+static lg_status residuals_of(void *user, lg_tape *t, lg_var theta, const uint32_t *samples, size_t count,
+                              size_t batch, lg_var *r) {
     const state *s = user;
     motion m = {s->motion.net, theta};
     lg_taped_ode ode = {.field = field_of, .user = &m};
@@ -164,16 +164,27 @@ static lg_status loss_of(void *user, lg_tape *t, lg_var theta, const uint32_t *s
     const lg_var pairs = lg_gather(t, all, samples, (uint32_t)count);
     lg_var now = lg_slice(t, pairs, 1, 0, D), next;
     LG_TRY(lg_taped_step(t, lg_scheme_find("rk4"), &ode, &(lg_taped_interval){.h = s->h}, &now, &next));
-    const lg_var off = lg_sub(t, next, lg_slice(t, pairs, 1, D, D));
-    *loss = lg_scale(t, lg_sum(t, lg_square(t, off)), 1.0 / ((double)batch * D));
+    *r = lg_scale(t, lg_sub(t, next, lg_slice(t, pairs, 1, D, D)), 1.0 / sqrt((double)batch * D));
+    return lg_tape_status(t);
+}
+
+static lg_status loss_of(void *user, lg_tape *t, lg_var theta, const uint32_t *samples, size_t count,
+                         size_t batch, lg_var *loss) {
+    lg_var r;
+    LG_TRY(residuals_of(user, t, theta, samples, count, batch, &r));
+    *loss = lg_sum(t, lg_square(t, r));
     return lg_tape_status(t);
 }
 
 static lg_status make_problem(lg_training *self, lg_error *error) {
     state *s = self->state;
     lg_rng rng;
-    self->problem = (lg_fit_problem){
-        .parameters = parameters(self->run), .samples = s->pairs.rows, .loss = loss_of, .user = s};
+    self->problem = (lg_fit_problem){.parameters = parameters(self->run),
+                                     .samples = s->pairs.rows,
+                                     .loss = loss_of,
+                                     .residuals = residuals_of,         /* for lm */
+                                     .observations = s->pairs.rows * D, /* for --prior */
+                                     .user = s};
     LG_TRAINING_ARRAY(self, self->theta, self->problem.parameters, error);
     lg_rng_seed(&rng, lg_training_settings(self)->seed, 1);
     lg_mlp_initialise(&s->motion.net, &rng, self->theta);
