@@ -10,6 +10,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include "files/temporary.h"
 #include "liegrad/files.h"
 #include "liegrad/settings.h"
 #include "model/files/training.h"
@@ -373,15 +374,6 @@ static void on_log(void *user, lg_log_level level, const char *message) {
         app_note(self, "%s%s", level == LG_LOG_ERROR ? "error: " : "", message);
 }
 
-static char *join(int argc, char **argv) {
-    lg_text text = app_text();
-    for (int i = 0; i < argc; i++) {
-        if (i > 0) lg_text_add(&text, " ");
-        lg_text_add_word(&text, argv[i]);
-    }
-    return text.data;
-}
-
 /* ---- limited memory ---- */
 
 static bool is_limited(void) {
@@ -521,7 +513,12 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
     app_find_ranks(&self);
     argp_err_exit_status = APP_EXIT_USAGE;
     argp_program_version_hook = print_version;
-    self.command_line = join(argc, argv);
+    lg_text words = app_text();
+    for (int i = 0; i < argc; i++) {
+        if (i > 0) lg_text_add(&words, " ");
+        lg_text_add_word(&words, argv[i]);
+    }
+    self.command_line = words.data;
     argv[0] = self.title; /* getopt begins its messages with it */
     install_signals();
     for (int i = 1; i < argc; i++) self.help_all = self.help_all || strncmp(argv[i], "--help-", 7) == 0;
@@ -529,6 +526,7 @@ int app_main(int argc, char **argv, const char *program, const char *summary, co
         if (strncmp(argv[i], "--", 2) == 0 && strcspn(argv[i], "\n\t") < strcspn(argv[i], "="))
             app_stop_usage(&self, "unrecognized option '%s'", argv[i]);
     parsing = atexit(flush_help) == 0;
+    (void)atexit(lg_temporary_remove_all);
     if (commands[0].name == NULL) {
         begin_command(&self, &commands[0]);
         run_parser(&self, argc, argv);

@@ -27,6 +27,9 @@ static const int exit_codes[] = {[LG_OK] = APP_EXIT_OK,
                                  [LG_UNSUPPORTED] = APP_EXIT_USAGE,
                                  [LG_CANCELLED] = APP_EXIT_INTERRUPTED,
                                  [LG_CHECK_FAILED] = APP_EXIT_CHECK};
+#define ONE(code, value, sentence) +1
+_Static_assert(LG_COUNT(exit_codes) == LG_STATUS_LIST(ONE),
+               "each status has a row, and so no failure exits with 0");
 
 static int exit_code(lg_status status) {
     return (size_t)status < LG_COUNT(exit_codes) ? exit_codes[status] : APP_EXIT_CHECK;

@@ -30,14 +30,6 @@ static void baseline_defaults(const lg_series *series, uint64_t *window, uint64_
     }
 }
 
-static void merge_into_two(const app *self) {
-    const well_model model = trained_model(WELL_CLASSICAL, "novelty");
-    well_model_need_healthy(self, &model, "--classifier novelty");
-    merge_classes(&train_state.all.data.series, train_run.healthy);
-    if (train_state.test != NULL) merge_classes(&train_state.foreign.data.series, train_run.healthy);
-    train_state.healthy = 0;
-}
-
 static void run_classical(const app *self) {
     lg_training *training = &network_recipe.training;
     const lg_series_data *data = &train_state.all.data;
@@ -48,7 +40,13 @@ static void run_classical(const app *self) {
     train_run.window = data->series.length;
     memcpy(train_run.data_sha256, data->sha256, sizeof data->sha256);
     APP_MUST(self, lg_detector_settle(training, &error));
-    if (alone) merge_into_two(self);
+    if (alone) { /* all other classes become one */
+        const well_model model = trained_model(WELL_CLASSICAL, "novelty");
+        well_model_need_healthy(self, &model, "--classifier novelty");
+        merge_classes(&train_state.all.data.series, train_run.healthy);
+        if (train_state.test != NULL) merge_classes(&train_state.foreign.data.series, train_run.healthy);
+        train_state.healthy = 0;
+    }
     if (data->series.classes < 2 && !alone)
         app_stop(self, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'", data->series.class_name[0]);
     if (train_given.method == METHOD_BASELINE)

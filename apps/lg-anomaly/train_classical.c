@@ -88,12 +88,6 @@ static uint32_t *of_windows(const lg_cut_series *from, const uint32_t *stored) {
     return out;
 }
 
-/* Cross-validation keeps together in a fold what the split keeps together. */
-static const uint32_t *units_of(const lg_series *series) {
-    if (train_run.split == LG_SPLIT_RUN) return series->run;
-    return train_run.split == LG_SPLIT_GROUP ? series->group : NULL;
-}
-
 static void compute_features(classical *self) {
     const lg_cut_series *all = &state->all;
     const double begin = app_seconds();
@@ -104,8 +98,12 @@ static void compute_features(classical *self) {
     else if (train_given.method != METHOD_ROCKET)
         APP_MUST(self->app, make_table(self, &state->foreign, &self->tested_table, &error));
     self->feature_seconds = app_seconds() - begin;
-    self->label = of_windows(all, all->data.series.label);
-    self->unit = of_windows(all, units_of(&all->data.series));
+    const lg_series *series = &all->data.series;
+    self->label = of_windows(all, series->label);
+    /* Cross-validation keeps together in a fold what the split keeps together. */
+    self->unit = of_windows(all, train_run.split == LG_SPLIT_RUN     ? series->run
+                                 : train_run.split == LG_SPLIT_GROUP ? series->group
+                                                                     : NULL);
 }
 
 /* ---- candidates for the options ---- */
@@ -201,29 +199,23 @@ static lg_status fit(const classical *self, const lg_classifier_options *options
 
 /* ---- pruning of random convolution features ---- */
 
-/* Moves the columns keep (count) of a table (rows, d) to its front, as a table (rows, count). */
-static void keep_columns(double *table, size_t rows, size_t d, const uint32_t *keep, size_t count) {
-    for (size_t i = 0; i < rows; i++)
-        for (size_t j = 0; j < count; j++) table[i * count + j] = table[i * d + keep[j]];
-}
-
-/* Of few windows the weights say little: then many small groups of features keep their largest ones. */
-static size_t pruned_groups(void) {
-    const size_t groups = PRUNED_WINDOWS / state->train.count;
-    return groups < 1 ? 1 : groups > PRUNED_GROUPS ? PRUNED_GROUPS : groups;
-}
-
-/* Keeps features with large weights, and fits their model again. */
+/* Keeps features with large weights, and fits their model again. Of few windows the weights say little: then
+ * many small groups of features keep their largest ones. The table (rows, d) becomes (rows, count). */
 static lg_status prune(classical *self, const lg_classifier_options *options, lg_error *error) {
     lg_classifier *model = &self->model.file.classifier;
     const size_t d = model->features.count,
-                 count = train_is_number(train_given.prune) ? train_given.prune : 0;
+                 count = train_is_number(train_given.prune) ? train_given.prune : 0,
+                 few = PRUNED_WINDOWS / state->train.count,
+                 groups = few < 1               ? 1
+                          : few > PRUNED_GROUPS ? PRUNED_GROUPS
+                                                : few;
     if (count == 0 || count >= d) return LG_OK;
     APP_FREE uint32_t *keep = app_alloc(count, sizeof *keep);
     lg_classifier whole = *model;
-    LG_TRY(lg_classifier_largest(self->app->context, model, pruned_groups(), count, keep, error));
+    LG_TRY(lg_classifier_largest(self->app->context, model, groups, count, keep, error));
     LG_TRY(lg_rocket_prune(&model->features, keep, count, error));
-    keep_columns(self->table, state->all.windows.count, d, keep, count);
+    for (size_t i = 0; i < state->all.windows.count; i++)
+        for (size_t j = 0; j < count; j++) self->table[i * count + j] = self->table[i * d + keep[j]];
     LG_TRY(fit(self, options, model, error));
     whole.features = (lg_features){0};
     lg_classifier_destroy(&whole);

@@ -60,18 +60,15 @@ static void lose_window(watching *self, double time) {
     set_clock(self, time);
 }
 
-/* Restarts the clock at `time`, because the feed's clock was set or the gap is too long to be filled. */
-static void begin_anew(watching *self, double time) {
-    app_warn(self->app, "the time goes from %.15g s to %.15g s: the feed restarts there", self->now, time);
-    lose_window(self, time);
-}
-
 /* Advances the clock to a sample with a time, and pushes the missing samples before it. False: the sample
  * repeats an earlier one. */
 static bool advance(watching *self, double time) {
     const double steps = steps_between(self, self->now, time);
     if (steps > LONGEST_GAP * self->rate || steps < -(double)self->bench.model->window) {
-        begin_anew(self, time);
+        /* The feed's clock was set, or the gap is too long to be filled. */
+        app_warn(self->app, "the time goes from %.15g s to %.15g s: the feed restarts there", self->now,
+                 time);
+        lose_window(self, time);
         return true;
     }
     if (steps < 1) {

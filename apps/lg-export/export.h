@@ -172,6 +172,8 @@ void export_constant(export_source *source, const char *constant, size_t value);
 void export_real(const export_source *source, text *to, const char *constant, double value);
 void export_reals(const export_source *source, text *to, const char *array, const double *values,
                   size_t count);
+/* Adds the bytes of numbers to a text; `about` is marked if one of them does not fit the type or is lost. */
+void export_raw(const export_options *options, text *to, text *about, const double *values, size_t count);
 /* Adds `extern const NAME_real NAME_<array>[count]` with its values; a comment stands above them. */
 void export_array(export_source *source, const char *array, const char *comment, const double *values,
                   size_t count);

@@ -96,8 +96,10 @@ size_t export_parameters(const lg_program *program) {
     return sum;
 }
 
+/* How the names of derivatives begin, by lg_derivative_kind. */
+static const char *const begins[LG_DERIVATIVE_KIND_COUNT] = {"fwd1_", "adj1_", "jac_", "jac_adj1_"};
+
 static bool is_derivative(const char *name) {
-    static const char *const begins[] = {"fwd1_", "adj1_", "jac_"};
     bool is = false;
     for (size_t i = 0; i < LG_COUNT(begins); i++) is = is || strncmp(name, begins[i], strlen(begins[i])) == 0;
     return is;
@@ -155,11 +157,6 @@ void export_choose(const app *self, const export_options *options, const lg_prog
 
 const char *export_derive(const app *self, lg_program *program, lg_derivative_kind kind,
                           const char *function) {
-    static const char *const begins[LG_DERIVATIVE_KIND_COUNT] = {[LG_DERIVATIVE_FORWARD] = "fwd1_",
-                                                                 [LG_DERIVATIVE_ADJOINT] = "adj1_",
-                                                                 [LG_DERIVATIVE_JACOBIAN] = "jac_",
-                                                                 [LG_DERIVATIVE_JACOBIAN_OF_ADJOINT] =
-                                                                     "jac_adj1_"};
     size_t at;
     lg_error error = {LG_OK, ""};
     lg_derivative what;

@@ -100,13 +100,10 @@ static void choose_name(job *j) {
     j->options.name = j->name;
 }
 
-static bool has_ending(const char *path, const char *ending) {
-    const size_t n = strlen(path), m = strlen(ending);
-    return n > m && strcmp(path + n - m, ending) == 0;
-}
-
 static bool is_text(const char *path) {
-    return has_ending(path, ".yaml") || has_ending(path, ".yml") || has_ending(path, ".json");
+    const char *dot = strrchr(path, '.');
+    return dot != NULL && dot != path &&
+           (strcmp(dot, ".yaml") == 0 || strcmp(dot, ".yml") == 0 || strcmp(dot, ".json") == 0);
 }
 
 static void unknown_scheme(const job *j) {
@@ -124,14 +121,6 @@ static void choose_scheme(job *j) {
     if (strchr(given.scheme, '/') == NULL && !is_text(given.scheme)) unknown_scheme(j);
     APP_MUST_FILE(j->self, given.scheme, lg_scheme_read(j->self->context, given.scheme, &j->scheme, &error));
     j->options.scheme = j->scheme;
-}
-
-static lg_status hash_model(job *j, lg_error *error) {
-    lg_sha256 state;
-    lg_sha256_init(&state);
-    LG_TRY(app_hash_file(j->path, &state, error));
-    lg_sha256_finish(&state, j->options.sha256);
-    return LG_OK;
 }
 
 /* ---- kinds of models ---- */
@@ -177,20 +166,16 @@ static void build_whole(job *j, const char *kind,
     build(j->self, j->path, &j->source);
 }
 
-/* Returns whether the options can be met with faces. */
-static bool wants_faces(void) {
-    return !given.compact && (given.functions == NULL || strcmp(given.functions, "linearise") == 0);
-}
-
 /* Writes a model by its faces. A file of an unknown kind is written as a program if it has no face or if the
  * options ask for something else. */
 static void build_model(job *j, const char *kind) {
     lg_error error = {LG_OK, ""};
     bool none = false;
-    const bool known = lg_recipe_find(kind) != NULL;
+    const bool known = lg_recipe_find(kind) != NULL,
+               more = given.compact || (given.functions != NULL && strcmp(given.functions, "linearise") != 0);
     const lg_status status = lg_model_load(j->self->context, j->path, NULL, &j->file, &error);
     if (known) app_must_file(j->self, status, &error, j->path);
-    if (status != LG_OK || (!known && !wants_faces())) {
+    if (status != LG_OK || (!known && more)) {
         if (status == LG_OK) lg_model_file_destroy(&j->file);
         if (status != LG_OK) export_warn_program(j->self, &error);
         build_whole(j, "program", export_program);
@@ -276,10 +261,6 @@ static void build_files(job *j) {
 
 /* ---- report ---- */
 
-static const char *type_of(const job *j) {
-    return dtypes[j->source.single ? 1 : given.dtype];
-}
-
 static size_t real_bytes(const job *j) {
     return j->options.dtype == LG_F32 ? sizeof(float) : sizeof(double);
 }
@@ -291,7 +272,7 @@ static void report(const job *j) {
     app_json *out = j->self->out;
     app_result_text(out, "name", j->name, NULL);
     app_result_text(out, "kind", j->kind, NULL);
-    app_result_text(out, "dtype", type_of(j), NULL);
+    app_result_text(out, "dtype", dtypes[j->source.single ? 1 : given.dtype], NULL);
     app_result_text(out, "scheme", scheme != NULL ? scheme->name : NULL, "of the step");
     app_json_open(out, "files", '[');
     for (size_t i = 0; i < source->file_count; i++) {
@@ -343,7 +324,10 @@ static void export_run(app *self) {
     choose_name(&j);
     choose_scheme(&j);
     lg_error why = {LG_OK, ""};
-    const lg_status hashed = hash_model(&j, &why);
+    lg_sha256 state;
+    lg_sha256_init(&state);
+    const lg_status hashed = app_hash_file(j.path, &state, &why);
+    lg_sha256_finish(&state, j.options.sha256);
     build_files(&j); /* says why the file cannot be read at all */
     app_must_file(self, hashed, &why, j.path);
     export_write(self, &j.source, given.out);

@@ -176,30 +176,24 @@ static lg_status take_steps(export_model *m, size_t at) {
     return status;
 }
 
-static double draw_input(export_model *m, size_t k) {
-    const double drawn =
-        m->kind->draw_input != NULL ? m->kind->draw_input(m, k) : lg_rng_uniform_in(&m->rng, -1.0, 1.0);
-    return export_round(m->source->options, drawn);
-}
-
-static void write_golden(const export_model *m) {
-    export_source *source = m->source;
-    export_real(source, &source->test, "golden_step", m->h);
-    export_reals(source, &source->test, "golden_input", m->input, m->forces > 0 ? m->forces : 1);
-    export_test_code(source, "test_motion");
-}
-
 static lg_status motion_golden(export_model *m, size_t at) {
-    const export_golden *golden = &m->source->golden;
+    export_source *source = m->source;
+    const export_golden *golden = &source->golden;
     lg_status status = LG_OK;
-    for (size_t k = 0; k < m->forces; k++) m->input[k] = draw_input(m, k);
+    for (size_t k = 0; k < m->forces; k++)
+        m->input[k] = export_round(source->options, m->kind->draw_input != NULL
+                                                        ? m->kind->draw_input(m, k)
+                                                        : lg_rng_uniform_in(&m->rng, -1.0, 1.0));
     for (size_t i = 0; i < golden->count && status == LG_OK; i++)
         status =
             lg_model_field(m->file->model, golden->x + i * m->dim, m->input, export_extra(m, at, i), m->work);
     m->h = golden_step(m, at);
     if (status == LG_OK) status = take_steps(m, at);
-    if (status == LG_OK) write_golden(m);
-    return status;
+    if (status != LG_OK) return status;
+    export_real(source, &source->test, "golden_step", m->h);
+    export_reals(source, &source->test, "golden_input", m->input, m->forces > 0 ? m->forces : 1);
+    export_test_code(source, "test_motion");
+    return LG_OK;
 }
 
 static lg_status states_golden(export_model *m, size_t at) {

@@ -1,8 +1,5 @@
 /* Adds tensors and nodes to an ONNX graph. */
-#include <math.h>
 #include <string.h>
-
-#include "core/bytes.h"
 
 #include "lg-export/onnx.h"
 
@@ -40,14 +37,8 @@ static void add_tensor(onnx_job *j, const char *called, int type, const int64_t 
 
 void onnx_add_reals(onnx_job *j, const char *called, const int64_t *dims, size_t rank, const double *values,
                     size_t count) {
-    const bool single = j->options->dtype == LG_F32;
     text raw = app_text();
-    for (size_t i = 0; i < count; i++) {
-        lg_text_add_bytes(&raw, single ? 4 : 8,
-                          single ? lg_bits_of_f32((float)values[i]) : lg_bits_of_f64(values[i]));
-        if (!isfinite(export_round(j->options, values[i]))) j->graph.unfit = true;
-        j->graph.lost += lg_is_lost(j->options->dtype, values[i]);
-    }
+    export_raw(j->options, &raw, &j->graph, values, count);
     add_tensor(j, called, onnx_real_type(j), dims, rank, &raw);
 }
 

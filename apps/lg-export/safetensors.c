@@ -1,9 +1,6 @@
 /* Safetensors (huggingface.co/docs/safetensors): 8 bytes with the header's length; the header, a JSON object
  * of names, types, shapes and offsets; then the numbers, row-major, without gaps. Parameters of a model have
  * the names of the model's file with points instead of slashes; parameters of a program keep their names. */
-#include <math.h>
-
-#include "core/bytes.h"
 #include "liegrad/model.h"
 
 #include "lg-export/export.h"
@@ -15,22 +12,16 @@ typedef struct job {
 } job;
 
 static void add_tensor(job *j, const char *name, uint32_t rank, const uint64_t *dims, const double *values) {
-    const bool single = j->options->dtype == LG_F32;
     const size_t start = j->data.length;
     size_t count = 1;
     lg_text_add(&j->header, ",\"");
     for (const char *s = name; *s != '\0'; s++) lg_text_append(&j->header, *s == '/' ? "." : s, 1);
-    lg_text_add(&j->header, "\":{\"dtype\":\"%s\",\"shape\":[", single ? "F32" : "F64");
+    lg_text_add(&j->header, "\":{\"dtype\":\"%s\",\"shape\":[", j->options->dtype == LG_F32 ? "F32" : "F64");
     for (uint32_t k = 0; k < rank; k++) {
         lg_text_add(&j->header, "%s%llu", k > 0 ? "," : "", (unsigned long long)dims[k]);
         count *= dims[k];
     }
-    for (size_t i = 0; i < count; i++) {
-        if (!isfinite(export_round(j->options, values[i]))) j->data.unfit = true;
-        j->data.lost += lg_is_lost(j->options->dtype, values[i]);
-        lg_text_add_bytes(&j->data, single ? 4 : 8,
-                          single ? lg_bits_of_f32((float)values[i]) : lg_bits_of_f64(values[i]));
-    }
+    export_raw(j->options, &j->data, &j->data, values, count);
     lg_text_add(&j->header, "],\"data_offsets\":[%zu,%zu]}", start, j->data.length);
     j->tensors++;
 }

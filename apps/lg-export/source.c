@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/bytes.h"
+
 /* ---- fragments ---- */
 
 const char *export_fragment_text(const char *name) {
@@ -57,6 +59,16 @@ void export_reals(const export_source *source, text *to, const char *array, cons
     lg_text_add(to, "static const real %s[%zu] = {\n", array, count);
     lg_text_add_reals(to, source->options->dtype, 4, values, count);
     lg_text_add(to, "};\n");
+}
+
+void export_raw(const export_options *options, text *to, text *about, const double *values, size_t count) {
+    const bool single = options->dtype == LG_F32;
+    for (size_t i = 0; i < count; i++) {
+        lg_text_add_bytes(to, single ? 4 : 8,
+                          single ? lg_bits_of_f32((float)values[i]) : lg_bits_of_f64(values[i]));
+        if (!isfinite(export_round(options, values[i]))) about->unfit = true;
+        about->lost += lg_is_lost(options->dtype, values[i]);
+    }
 }
 
 /* ---- arrays ---- */

@@ -101,13 +101,6 @@ static bool is_ours(const struct stat *about, uint64_t number) {
     return (is_folder || about->st_size == 0) && llabs(since) < 1000000000;
 }
 
-static DIR *list(int folder) {
-    const int fd = openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    DIR *listed = fd >= 0 ? fdopendir(fd) : NULL;
-    if (listed == NULL && fd >= 0) (void)close(fd);
-    return listed;
-}
-
 /* Removes a temporary file or folder of this user that no process has locked. It is opened once and then used
  * by its descriptor, so another file that gets the same name in the meantime is not removed. */
 static void remove_left(int folder, const char *name, uint64_t number) {
@@ -124,7 +117,8 @@ static void remove_left(int folder, const char *name, uint64_t number) {
 }
 
 void lg_sweep(int folder, const char *target) {
-    DIR *files = list(folder);
+    const int fd = openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    DIR *files = fd >= 0 ? fdopendir(fd) : NULL;
     const struct dirent *entry;
     char begin[LG_OWN_NAME], name[LG_OWN_NAME];
     lg_own_name(target, "tmp-", begin);
@@ -137,7 +131,10 @@ void lg_sweep(int folder, const char *target) {
         temporary_name(target, number, process, name); /* entry->d_name may have more zeros or spaces */
         remove_left(folder, name, number);
     }
-    if (files != NULL) (void)closedir(files);
+    if (files != NULL)
+        (void)closedir(files);
+    else if (fd >= 0)
+        (void)close(fd);
 }
 
 /* ---- creating a temporary file or folder ---- */
@@ -175,6 +172,24 @@ int lg_make_temporary(int folder, const char *target, bool is_folder, char name[
     return -1;
 }
 
+/* ---- what is open ---- */
+
+/* Names of the open temporary files and folders, by descriptor. */
+static const char *_Atomic open_names[4096];
+
+static void note(int fd, const char *name) {
+    if (fd >= 0 && fd < (int)LG_COUNT(open_names)) open_names[fd] = name;
+}
+
+/* A name ends with the process that made the file: a forked child removes none of its parent's. */
+void lg_temporary_remove_all(void) {
+    for (int fd = 0; fd < (int)LG_COUNT(open_names); fd++) {
+        const char *name = open_names[fd];
+        if (name == NULL || strtol(strrchr(name, '-') + 1, NULL, 10) != (long)getpid()) continue;
+        if (lg_has_name(fd, AT_FDCWD, name)) (void)remove(name);
+    }
+}
+
 bool lg_is_lost_link(const char *path) {
     struct stat about;
     return lstat(path, &about) == 0 && S_ISLNK(about.st_mode) && stat(path, &about) != 0;
@@ -194,6 +209,7 @@ static lg_status make(const lg_context *context, const char *target, bool folder
     const int code = errno;
     if (above >= 0) (void)close(above);
     if (made.fd >= 0) {
+        note(made.fd, made.name);
         *out = made;
         return LG_OK;
     }
@@ -251,6 +267,7 @@ lg_status lg_temporary_publish(lg_temporary *temporary, const char *target, lg_e
 }
 
 void lg_temporary_end(lg_temporary *temporary) {
+    note(temporary->fd, NULL);
     if (temporary->fd >= 0) (void)close(temporary->fd);
     lg_free(temporary->context, temporary->name);
     *temporary = (lg_temporary){.fd = -1};

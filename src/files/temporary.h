@@ -27,6 +27,9 @@ bool lg_give_name(int folder, const char *from, const char *to);
 void lg_sweep(int folder, const char *target);
 /* Creates and locks a temporary file or folder of the target. Returns its descriptor and its name. */
 int lg_make_temporary(int folder, const char *target, bool is_folder, char name[LG_OWN_NAME]);
+/* For executables, at their end: removes the files and empty folders of lg_temporary_create that are open
+ * and still have their temporary names, as after an end for lack of memory. */
+void lg_temporary_remove_all(void);
 /* Writes all bytes, also if the limit RLIMIT_FSIZE is reached. Returns 0 or a number of errno. */
 int lg_write_all(int fd, const void *data, size_t bytes);
 /* Fails with LG_FILE and the message of a number of errno. */

@@ -4,24 +4,34 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/portions.h"
 #include "integrators/event_search.h"
 #include "integrators/stepper.h"
 
+/* Lays the arrays out in the memory that begins with `rows`; without it only returns their size, bytes. */
+static size_t lay_out(lg_one_by_one *one, const lg_lane_plan *plan, size_t work) {
+    const size_t state = plan->space.dim * sizeof(double), events = LG_EVENTS_MAX * sizeof(double);
+    lg_portions from = {(char *)one->rows, 0};
+    one->rows = lg_portion(&from, plan->count, state);
+    one->y = lg_portion(&from, 1, state);
+    one->before = lg_portion(&from, 1, state);
+    one->trial = lg_portion(&from, 1, state);
+    one->velocity = lg_portion(&from, 1, state);
+    one->events = lg_portion(&from, 1, events);
+    one->slopes = lg_portion(&from, 1, events);
+    one->work = lg_portion(&from, 1, work);
+    return from.used;
+}
+
 lg_status lg_one_by_one_begin(const lg_context *context, const lg_lane_plan *plan, const lg_system *system,
                               lg_one_by_one *out) {
-    const size_t dim = plan->space.dim, rows = plan->count * dim, work = lg_system_work_size(system);
+    const size_t work = lg_system_work_size(system);
     lg_ode ode;
     out->context = context;
     out->plan = plan;
-    out->rows = lg_alloc(context, rows + 4 * dim + 2 * LG_EVENTS_MAX + work / sizeof(double), sizeof(double));
+    out->rows = lg_alloc(context, lay_out(out, plan, work), 1);
     if (!out->rows) return LG_OUT_OF_MEMORY;
-    out->y = out->rows + rows;
-    out->before = out->y + dim;
-    out->trial = out->before + dim;
-    out->velocity = out->trial + dim;
-    out->events = out->velocity + dim;
-    out->slopes = out->events + LG_EVENTS_MAX;
-    out->work = out->slopes + LG_EVENTS_MAX;
+    (void)lay_out(out, plan, work);
     LG_TRY(lg_system_ode(system, lg_system_coordinates_for(plan->scheme), &ode, &out->user, out->work));
     LG_TRY(lg_stepper_create(context, plan->scheme, &ode, &out->stepper));
     return lg_stepper_create(context, plan->scheme, &ode, &out->looker);

@@ -98,6 +98,9 @@ const job jobs[] = {
      .keeps = true, .parts = ".svg .dat .gp", .outputs = {"runs.csv", "runs.svg", "runs.dat", "runs.gp"}},
     {"`lg-simulate`, plot", "lg-simulate", "../in/pendulum.yaml --t-end @300:2 --plot run.svg --out run.h5",
      .keeps = true, .parts = ".svg .dat .gp", .outputs = {"run.h5", "run.svg", "run.dat", "run.gp"}},
+    {"`lg-simulate --ensemble --save`", "lg-simulate",
+     "../in/pendulum.yaml --ensemble @2000:20 --save all --threads 2 --out run.h5", .keeps = true,
+     .parts = ".trajectories.h5", .outputs = {"run.h5", "run.trajectories.h5"}},
     {"`lg-identify predict`", "lg-identify", "predict ../in/body.h5 ../in/log.csv --out run.csv",
      .keeps = true, .outputs = {"run.csv"}},
 };

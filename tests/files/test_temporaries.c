@@ -112,6 +112,34 @@ TEST("a writer that was killed leaves a file or empty folder that the next write
     }
 }
 
+TEST("at the end of a process its open temporary files and folders are removed, but not by a forked child") {
+    io_enter_folder();
+    lg_temporary file, folder, done, gone;
+    assert_ok(lg_temporary_create(NULL, "file", false, &file, NULL));
+    assert_ok(lg_temporary_create(NULL, "folder", true, &folder, NULL));
+    assert_ok(lg_temporary_create(NULL, "done", false, &done, NULL));
+    assert_ok(lg_temporary_create(NULL, "gone", false, &gone, NULL));
+    assert_ok(lg_temporary_publish(&done, "done", NULL));
+    assert_int_equal(unlink(gone.name), 0);
+    put(gone.name); /* another file with this name */
+    const char *name = test_text("%s", gone.name);
+    const pid_t child = fork();
+    if (child == 0) {
+        lg_temporary own;
+        const bool made = lg_temporary_create(NULL, "own", false, &own, NULL) == LG_OK;
+        lg_temporary_remove_all();
+        _exit(!made || is_there(own.name) || !is_there(file.name) || !is_there(folder.name));
+    }
+    int status = 1;
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_int_equal(status, 0);
+    lg_temporary_remove_all();
+    assert_false(is_there(file.name) || is_there(folder.name));
+    assert_true(is_there("done") && is_there(name));
+    lg_temporary *const all[] = {&file, &folder, &done, &gone};
+    for (size_t i = 0; i < LG_COUNT(all); i++) lg_temporary_end(all[i]);
+}
+
 TEST("a folder with the name of a temporary folder keeps its files") {
     io_enter_folder();
     lg_temporary t;

@@ -8,6 +8,7 @@
 #include "core/exact_sum.h"
 #include "integrators/event_search.h"
 #include "liegrad/ensemble.h"
+#include "mechanics/ensemble_member.h"
 #include "support/fail_alloc.h"
 #include "support/memory_archive.h"
 
@@ -564,6 +565,18 @@ TEST("a block whose memory no size_t counts is refused: there is no memory for i
             assert_status(lg_ensemble_run(NULL, system, &o, NULL, NULL, NULL, NULL, NULL, NULL),
                           LG_OUT_OF_MEMORY);
         }
+}
+
+TEST("rows of one member whose memory no size_t counts are refused") {
+    const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
+    for (size_t less = 0; less < 8; less++) {
+        const lg_lane_plan plan = {.scheme = lg_scheme_find("rkmk54"),
+                                   .space = *lg_system_space(system),
+                                   .count = SIZE_MAX / lg_system_dim(system) - less};
+        lg_one_by_one one = {0};
+        assert_status(lg_one_by_one_begin(NULL, &plan, system, &one), LG_OUT_OF_MEMORY);
+        lg_one_by_one_end(&one);
+    }
 }
 
 TEST("without a scheme, dp54 runs on R^n and rkmk54 on other spaces") {

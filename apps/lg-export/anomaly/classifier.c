@@ -84,15 +84,13 @@ static void add_features(const classifier_job *j) {
     for (size_t i = 0; i < f->channels; i++) inverse[i] = 1 / f->scale[i];
     if (is_scaled(f->kind))
         export_array(j->source, "inverse_scale", "1/scale of each channel (channels)", inverse, f->channels);
-    if (f->kind == LG_FEATURES_BASELINE)
+    if (f->kind == LG_FEATURES_BASELINE) {
         export_integers(j->source, "pair", "channels of acceleration and moment (pairs, 2)", f->pair,
                         2 * (size_t)f->pairs);
-    else
-        export_integers(j->source, "select", "channels that are used", f->select, f->selected);
-    if (f->kind == LG_FEATURES_BASELINE) {
         export_constant(j->source, "PAIRS", f->pairs);
         export_constant(j->source, "SEGMENTS", f->segments);
     } else {
+        export_integers(j->source, "select", "channels that are used", f->select, f->selected);
         export_constant(j->source, "SELECTED", f->selected);
     }
     if (f->kind == LG_FEATURES_SPECTRUM) add_spectrum(j);
