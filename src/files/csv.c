@@ -1,14 +1,12 @@
 /* CSV files: text files with one row per line. */
 #include "core/widen.h"
 #include "files/csv.h"
-#include "files/frame.h"
 #include "files/h5.h"
 #include "files/read_file.h"
 
 #include <errno.h>
 #include <inttypes.h>
 #include <math.h>
-#include <string.h>
 #include <unistd.h>
 
 #include "liegrad/settings.h"
@@ -19,10 +17,6 @@ enum { BLOCK = 1 << 16, LONGEST_LINE = 1 << 20, FIRST_LINE = 1 << 12 };
 
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what) {
     return lg_fail(error, LG_FORMAT, "%s: line %zu: %s", c->shown, c->number, what);
-}
-
-static lg_status no_memory(const lg_csv *c, lg_error *error) {
-    return lg_no_memory_for(c->shown, error);
 }
 
 /* ---- lines ---- */
@@ -44,7 +38,7 @@ static bool fill(lg_csv *c) {
 
 static lg_status widen(lg_csv *c, lg_error *error) {
     char *line = lg_widen(c->context, c->line, c->length, 2 * c->room, 1);
-    if (line == NULL) return no_memory(c, error);
+    if (line == NULL) return lg_no_memory_for(c->shown, error);
     c->line = line;
     c->room *= 2;
     return LG_OK;
@@ -122,12 +116,13 @@ static bool is_empty(const lg_csv *c) {
 }
 
 void lg_csv_join_blanks(char *line, char separator) {
+    static const char blanks[] = " \t";
     char *to = line;
-    for (const char *from = line; *from != '\0';) {
-        const size_t blanks = strspn(from, " \t");
-        from += blanks;
-        if (blanks > 0 && to > line && *from != '\0') *to++ = separator;
-        if (*from != '\0') *to++ = *from++;
+    for (const char *from = line + strspn(line, blanks); *from != '\0'; from += strspn(from, blanks)) {
+        const bool quotes = *from == '"';
+        if (to > line) *to++ = separator;
+        for (bool inside = false; *from != '\0' && (inside || strchr(blanks, *from) == NULL); *to++ = *from++)
+            inside ^= quotes && *from == '"';
     }
     *to = '\0';
 }
@@ -136,7 +131,7 @@ lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error) {
     *more = true;
     if (c->row != NULL) { /* the first row, behind a header in a comment */
         lg_free(c->context, c->line);
-        c->line = c->row, c->room = c->row_room, c->number = c->row_number;
+        c->line = c->row, c->number = c->row_number;
         c->row = NULL;
         return LG_OK;
     }
@@ -256,7 +251,7 @@ bool lg_csv_hides_row(const lg_csv *c, const char *line) {
 static lg_status keep_comment(lg_csv *c, lg_error *error) {
     if (c->comments == LG_COUNT(c->comment)) lg_free(c->context, c->comment[--c->comments].text);
     char *text = lg_strdup(c->context, c->line + lg_csv_comment(c->line));
-    if (text == NULL) return no_memory(c, error);
+    if (text == NULL) return lg_no_memory_for(c->shown, error);
     c->comment[c->comments].text = text;
     c->comment[c->comments++].number = c->number;
     return LG_OK;
@@ -276,8 +271,8 @@ static bool take_comment(lg_csv *c, size_t i) {
     }
     if (open || text[0] == '\0' || names != c->cells || count_numbers(text, c->separator, &counting) > 0)
         return false;
-    c->row = c->line, c->row_room = c->room, c->row_number = c->number;
-    c->line = text, c->room = strlen(text) + 1, c->number = c->comment[i].number;
+    c->row = c->line, c->row_number = c->number;
+    c->line = text, c->number = c->comment[i].number;
     c->comment[i].text = NULL;
     return true;
 }
@@ -295,7 +290,7 @@ static bool take_a_comment(lg_csv *c) {
 static lg_status split_blanks(lg_csv *c, lg_error *error) {
     bool open, counting;
     char *copy = lg_strdup(c->context, c->line);
-    if (copy == NULL) return no_memory(c, error);
+    if (copy == NULL) return lg_no_memory_for(c->shown, error);
     lg_csv_join_blanks(copy, c->separator);
     const size_t cells = lg_csv_count(copy, c->separator, &open);
     c->blanks = cells > 1 && count_numbers(copy, c->separator, &counting) == cells;
@@ -305,11 +300,9 @@ static lg_status split_blanks(lg_csv *c, lg_error *error) {
 }
 
 static lg_status check_header(lg_csv *c, lg_error *error) {
-    bool counting;
-    const size_t numbers = count_numbers(c->line, c->separator, &counting);
-    const bool named = numbers == 0 || counting || (numbers == 1 && c->cells > 2);
-    if (named && !(counting && c->cells > 1)) return LG_OK;
-    if (take_a_comment(c) || named) return LG_OK;
+    const size_t numbers = count_numbers(c->line, c->separator, &c->counting);
+    if (numbers == 0 || (numbers == 1 && c->cells > 2)) return LG_OK;
+    if (take_a_comment(c) || c->counting) return LG_OK;
     if (c->comments == 0)
         return lg_csv_fail(c, error,
                            "has numbers where names of columns are expected: there is no header; write one");
@@ -416,10 +409,10 @@ lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error) {
     if (*cut) return LG_OK;
     if (open) return lg_csv_fail(c, error, OPEN_QUOTE);
     if (cells == c->cells) return LG_OK;
-    return lg_fail(error, LG_FORMAT,
-                   "%s: line %zu: has %zu cells, the header has %zu" LG_CSV_EMPTY
-                   ", and put those with a separator in quotes",
-                   c->shown, c->number, cells, c->cells);
+    return lg_fail(
+        error, LG_FORMAT,
+        "%s: line %zu: has %zu cells, the header has %zu%s, and put those with a separator in quotes",
+        c->shown, c->number, cells, c->cells, lg_csv_empty(c->blanks));
 }
 
 bool lg_csv_missing(const char *cell) {
@@ -450,14 +443,13 @@ lg_status lg_csv_open_feed(const lg_context *context, int file, const char *name
                   .user = user};
     c->block = lg_alloc(context, BLOCK, 1);
     c->line = lg_alloc(context, FIRST_LINE, 1);
-    return c->block == NULL || c->line == NULL ? no_memory(c, error) : LG_OK;
+    return c->block == NULL || c->line == NULL ? lg_no_memory_for(c->shown, error) : LG_OK;
 }
 
 void lg_csv_close(lg_csv *c) {
-    LG_FREE_ALL(c->context, c->block, c->line);
+    LG_FREE_ALL(c->context, c->block, c->line, c->row);
     for (size_t i = 0; i < c->comments; i++) lg_free(c->context, c->comment[i].text);
     c->comments = 0;
-    lg_free(c->context, c->row);
     if (c->from != NULL) (void)fclose(c->from);
     c->from = NULL;
 }

@@ -36,13 +36,13 @@ typedef struct lg_csv {
         size_t number;
     } comment[16]; /* those before the header; if there are more, the first 15 and the last one */
     size_t comments;
-    char *row; /* the first row, while a comment is `line` */
-    size_t row_number, row_room;
-    bool blanks; /* blanks separate the cells of the rows */
+    char *row; /* the first row, while a comment is `line`; `room` is that of the row */
+    size_t row_number;
+    bool blanks;   /* blanks separate the cells of the rows */
+    bool counting; /* the names are 0, 1, 2, ..., unless row is set */
     char separator;
-    size_t cells; /* number of cells of the header */
-    size_t hidden,
-        first_hidden; /* comments that look like rows: their number, and the line of the first one */
+    size_t cells;                /* number of cells of the header */
+    size_t hidden, first_hidden; /* comments that look like rows: their number, and the line of the first */
 } lg_csv;
 
 /* lg_csv_close may be called after a failure too. */
@@ -52,13 +52,13 @@ lg_status lg_csv_open(const lg_context *context, const char *path, lg_csv *c, lg
 lg_status lg_csv_open_feed(const lg_context *context, int file, const char *name, size_t longest,
                            bool (*wait)(void *user), void *user, lg_csv *c, lg_error *error);
 void lg_csv_close(lg_csv *c);
-/* Reads the next line, also if it is blank or a comment. *more becomes false after the last line. */
+/* Reads the next line of any kind, without a byte order mark. *more becomes false after the last line. */
 lg_status lg_csv_next(lg_csv *c, bool *more, lg_error *error);
 /* Number of cells of a line. *open: a quote is not closed. */
 size_t lg_csv_count(const char *line, char separator, bool *open);
 /* Returns the separator of which the line has most: a comma, a semicolon or a tab. */
 char lg_csv_separator(const char *line, char otherwise);
-/* Makes each stretch of blanks between words one separator. */
+/* Makes each stretch of blanks between cells one separator. Blanks inside quotes stay. */
 void lg_csv_join_blanks(char *line, char separator);
 /* Returns the length of the sign (#, % or //) with which a comment begins; 0 if the line is not a comment. */
 size_t lg_csv_comment(const char *line);
@@ -68,8 +68,8 @@ bool lg_csv_hides_row(const lg_csv *c, const char *line);
 /* Reads the next line that is neither blank nor a comment. *more becomes false after the last line. */
 lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error);
 /* Reads the header line and finds the separator. Fails if the line has numbers where names are expected and
- * no comment before it has one name per column. The names may be 0, 1, 2, ..., and one of three or more
- * may be a number. */
+ * no comment before it has one name per column. The names may be 0, 1, 2, ... (c->counting), and one of three
+ * or more may be a number. */
 lg_status lg_csv_header(lg_csv *c, lg_error *error);
 /* Returns in *cell the cell at *at, unquoted and terminated in place, and moves *at to the next cell, or to
  * NULL after the last cell. Start a line with *at = c->line. */
@@ -79,8 +79,10 @@ lg_status lg_csv_name(lg_csv *c, char **at, char **name, lg_error *error);
 /* Fails if the line has another number of cells than the header. *cut becomes true, without a failure, if the
  * line has fewer cells and no newline, as when the end of a file is cut off. */
 lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error);
-#define LG_CSV_EMPTY                                                                                         \
-    "; leave cells without a value empty" /* ends messages about text in a column of numbers */
+#define LG_CSV_EMPTY "; leave cells without a value empty" /* ends messages about text among numbers */
+static inline const char *lg_csv_empty(bool blanks) {
+    return blanks ? "; write nan in cells without a value" : LG_CSV_EMPTY;
+}
 /* Words for a missing number; in a feed in any case, with or without a sign. */
 #define LG_MISSING_WORDS "nan", "NaN", "NAN", "NA", "N/A", "null"
 bool lg_csv_missing(const char *cell);

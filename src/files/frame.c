@@ -1,7 +1,5 @@
 /* Frames: what all formats share. Names, wanted columns, the block of rows, numbers and texts of cells. */
 #include <math.h>
-#include <stdio.h>
-#include <string.h>
 
 #include "core/lookup.h"
 #include "files/csv.h"
@@ -184,13 +182,13 @@ static lg_status read_number(lg_frame *f, size_t row, uint32_t column, const cha
     const lg_status status = lg_number_parse(cell, out);
     if (status == LG_OK || (status == LG_UNSUPPORTED && f->ours)) return LG_OK;
     if (status == LG_UNSUPPORTED) return fail_rounded(f, row, column, show, error);
+    const bool comma = strchr(cell, ',') != NULL;
     return lg_frame_fail(
-        f, row, f->name[column], error, "'%s' is not a %snumber%s%s", lg_tamed(show),
+        f, row, f->name[column], error, "'%s' is not a %snumber%s%s%s", lg_tamed(show),
         status == LG_NOT_FINITE ? "finite " : "",
         clock != NULL ? " of seconds, a date such as 2024-03-01T12:00:00.25Z or a time of day" : "",
-        strchr(cell, ',') != NULL               ? "; write decimals with a point"
-        : f->header > 0 && f->before + row == 0 ? LG_CSV_EMPTY ", and begin a line of units with #"
-                                                : LG_CSV_EMPTY);
+        comma ? "; write decimals with a point" : lg_csv_empty(f->blanks),
+        !comma && f->header > 0 && f->before + row == 0 ? ", and begin a line of units with #" : "");
 }
 
 lg_status lg_frame_put_cell(lg_frame *f, size_t row, uint32_t column, const char *text, bool quoted,
@@ -239,9 +237,10 @@ lg_status lg_frame_open(lg_frame *f, lg_error *error) {
     f->note = (lg_name_list){.used = 0};
     if (*f->path == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "a %s needs a name", f->what);
     LG_TRY(lg_read_first(f->path, first, sizeof first, &got, error));
-    for (size_t i = 0; i < LG_COUNT(formats) && !is; i++) {
+    for (size_t i = 0; !is; i++) {
         f->format = formats[i];
-        LG_TRY(formats[i]->is(f->path, first, got, &is, error));
+        if (f->format->is == NULL) break;
+        LG_TRY(f->format->is(f->path, first, got, &is, error));
     }
     f->place = f->format->place;
     return f->format->open(f, error);
@@ -257,9 +256,8 @@ lg_status lg_frame_next(lg_frame *f, size_t most, lg_error *error) {
 void lg_frame_close(lg_frame *f) {
     if (f->format != NULL) f->format->close(f);
     for (uint32_t i = 0; i < f->columns; i++) lg_free(f->context, f->name[i]);
-    void *const owned[] = {f->name, f->use, f->value, f->text, f->line};
-    for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(f->context, owned[i]);
-    f->source = f->name = NULL, f->use = NULL, f->value = NULL, f->text = NULL, f->line = NULL;
-    f->format = NULL;
+    LG_FREE_ALL(f->context, f->name, f->use, f->value, f->text, f->line);
+    f->format = NULL, f->source = f->name = NULL, f->use = NULL;
+    f->value = NULL, f->text = NULL, f->line = NULL;
     f->columns = 0, f->name_room = f->room = 0, f->width = f->texts = f->rows = f->before = 0;
 }

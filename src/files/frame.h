@@ -1,6 +1,6 @@
 /* Frames: named columns of a file, read in blocks of rows. CSV, HDF5 and numpy files look the same; a
- * format is a row of the table in frame.c. A subject says which columns it wants and what they mean; it
- * knows nothing of files. In a function of a subject:
+ * format is a row of the table LG_FRAME_FORMATS below. A subject says which columns it wants and what they
+ * mean; it knows nothing of files. In a function of a subject:
  *
  *   lg_frame_want want[] = {{.name = "t", .as = LG_FRAME_TIME},            a time, in seconds
  *                           {.name = "q"},                                 a number
@@ -115,6 +115,7 @@ typedef struct lg_frame {
     lg_frame_text *text; /* (rows, texts) */
     size_t *line;        /* (rows) line in a text file, or number of the row, from 1 */
     bool cut;            /* the last line of the file is incomplete and was left out */
+    bool blanks;         /* blanks separate cells, so that an empty one cannot be written */
     /* Internal. */
     const struct lg_frame_format *format;
     lg_name_list note; /* what the format adds to a message about a missing column */
@@ -139,19 +140,26 @@ static inline const char *lg_frame_text_of(const lg_frame *f, size_t row, const 
 
 typedef struct lg_frame_format {
     const char *name, *place;
-    /* Whether a file is of this format, by its first bytes (count). */
+    /* Whether a file is of this format, by its first bytes (count): those of the file, also a byte order
+     * mark, which lg_csv_next removes. NULL: every file is. */
     lg_status (*is)(const char *path, const unsigned char *first, size_t count, bool *is, lg_error *error);
-    /* Adds the names of the columns. */
+    /* Adds the names of the columns and calls lg_frame_find. */
     lg_status (*open)(lg_frame *f, lg_error *error);
-    /* Appends up to `most` rows to the block. */
+    /* Fills the block (f->value, f->text, f->line) with up to `most` rows and sets f->rows to their number, 0
+     * at the end of the file. Before the call f->rows is 0. */
     lg_status (*rows)(lg_frame *f, size_t most, lg_error *error);
     void (*close)(lg_frame *f); /* frees f->source, which may be NULL */
 } lg_frame_format;
-/* The table of formats: X(name) stands for the row lg_frame_<name>. The last one takes every file. */
+/* The table of formats: X(name) stands for the row lg_frame_<name>. The last one has no `is`. */
 #define LG_FRAME_FORMATS X(h5) X(npy) X(csv)
 #define X(name)          extern const lg_frame_format lg_frame_##name;
 LG_FRAME_FORMATS
 #undef X
+
+/* `rows` and `close` of a text file. f->source is an lg_csv from lg_alloc that is open, and whose lines that
+ * are left are rows: its blanks, separator, cells and ours are set. */
+lg_status lg_frame_csv_rows(lg_frame *f, size_t most, lg_error *error);
+void lg_frame_csv_close(lg_frame *f);
 
 lg_status lg_frame_no_memory(const lg_frame *f, lg_error *error);
 lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error);

@@ -4,12 +4,6 @@
 
 #define QUOTE_INSIDE "a cell has a quote inside: put the cell in quotes, and double this one"
 
-static lg_status is_csv(const char *path, const unsigned char *first, size_t count, bool *is,
-                        lg_error *error) {
-    *is = true;
-    return LG_OK;
-}
-
 static lg_status open_csv(lg_frame *f, lg_error *error) {
     lg_csv *c = f->source = lg_alloc(f->context, 1, sizeof *c);
     char *cell = NULL;
@@ -25,6 +19,11 @@ static lg_status open_csv(lg_frame *f, lg_error *error) {
     if (f->columns != c->cells) return lg_csv_fail(c, error, QUOTE_INSIDE);
     if (c->row != NULL)
         lg_name_list_add(&f->note, "the line is a comment: remove it if it does not hold the names");
+    else if (c->counting && f->wants > 0)
+        lg_log_message(f->context, LG_LOG_WARNING,
+                       "%s: line %zu: 0, 1, ... were taken as names of columns: if the line is a row, write "
+                       "names above it, otherwise put each of them in quotes",
+                       c->shown, c->number);
     return lg_frame_find(f, error);
 }
 
@@ -49,9 +48,10 @@ static lg_status read_row(lg_frame *f, lg_csv *c, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status read_rows(lg_frame *f, size_t most, lg_error *error) {
+lg_status lg_frame_csv_rows(lg_frame *f, size_t most, lg_error *error) {
+    lg_csv *c = f->source;
+    f->blanks = c->blanks;
     for (bool more = true; f->rows < most && !f->cut;) {
-        lg_csv *c = f->source;
         LG_TRY(lg_csv_line(c, &more, error));
         if (more) {
             LG_TRY(read_row(f, c, error));
@@ -69,9 +69,9 @@ static lg_status read_rows(lg_frame *f, size_t most, lg_error *error) {
     return LG_OK;
 }
 
-static void close_csv(lg_frame *f) {
+void lg_frame_csv_close(lg_frame *f) {
     if (f->source != NULL) lg_csv_close(f->source);
     lg_free(f->context, f->source);
 }
 
-const lg_frame_format lg_frame_csv = {"csv", "line", is_csv, open_csv, read_rows, close_csv};
+const lg_frame_format lg_frame_csv = {"csv", "line", NULL, open_csv, lg_frame_csv_rows, lg_frame_csv_close};

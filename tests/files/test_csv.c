@@ -117,6 +117,8 @@ TEST("a header in a comment is read if it has a name for each column, as numpy w
         {"/t,x\n0,1\n", "1:[/t][x]2:[0][1]"},
         {"# 7,8\n0,1\n5,6\n", "2:[0][1]3:[5][6]"}, /* columns 0, 1, 2, ... */
         {"# wind speed\n0\n5\n", "2:[0]3:[5]"},
+        {"# t\n0\n5\n", "1:[t]2:[0]"},
+        {"# \"t  s\"   x\n0 1\n", "1:[t  s][x]2:[0][1]"},
         {"wind speed\n5\n", "1:[wind speed]2:[5]"},
         {"3,1\n5,6\n",
          "failed: @: line 1: has numbers where names of columns are expected: there is no header; write one"},
@@ -134,6 +136,24 @@ TEST("a header in a comment is read if it has a name for each column, as numpy w
         assert_string_equal(cells_of(rows[i].text),
                             at == NULL ? rows[i].cells
                                        : test_text("failed: %s%s", scratch_path("rows.csv"), at + 1));
+    }
+}
+
+TEST("blanks between cells become separators, blanks inside quotes stay") {
+    static const struct {
+        const char *line, *joined;
+    } rows[] = {
+        {" 1  \"d e\"\t\"a  b\" ", "1;\"d e\";\"a  b\""},
+        {"\"a \"\"b  c\"\"\"  2 \"\" 3", "\"a \"\"b  c\"\"\";2;\"\";3"},
+        {"5\"  6 7\" 8", "5\";6;7\";8"}, /* the quote of a cell stands at its beginning */
+        {"1 \"a  b", "1;\"a  b"},
+        {" \t ", ""},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        char line[40];
+        (void)snprintf(line, sizeof line, "%s", rows[i].line);
+        lg_csv_join_blanks(line, ';');
+        assert_string_equal(line, rows[i].joined);
     }
 }
 

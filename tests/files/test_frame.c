@@ -139,8 +139,13 @@ static void check_block(const lg_frame *f, const lg_frame_want *want, size_t bef
     }
 }
 
+#define X(name) &lg_frame_##name,
+static const lg_frame_format *const formats[] = {LG_FRAME_FORMATS};
+#undef X
+
 TEST("columns are the same in every format, in blocks of any size") {
     static const size_t blocks[] = {1, 3, ROWS, SIZE_MAX};
+    bool met[LG_COUNT(formats)] = {false};
     const lg_read_options here = without_probe();
     for (size_t which = 0; write_file(scratch_path("frame"), which); which++)
         for (size_t b = 0; b < LG_COUNT(blocks); b++) {
@@ -153,6 +158,7 @@ TEST("columns are the same in every format, in blocks of any size") {
             size_t read = 0;
             lg_status status;
             while (lg_test_again(status = lg_frame_open(&f, &error))) lg_frame_close(&f);
+            for (size_t i = 0; i < LG_COUNT(formats); i++) met[i] = met[i] || f.format == formats[i];
             do {
                 if (status == LG_OK) status = lg_frame_next(&f, blocks[b], &error);
                 if (status != LG_OK) fail_msg("file %zu: %s", which, error.message);
@@ -164,6 +170,28 @@ TEST("columns are the same in every format, in blocks of any size") {
             assert_true(!want[3].there && want[0].there);
             lg_frame_close(&f);
         }
+    for (size_t i = 0; i < LG_COUNT(formats); i++)
+        if (!met[i])
+            fail_msg("the format %s of LG_FRAME_FORMATS has no file here: let write_file write one",
+                     formats[i]->name);
+}
+
+TEST("in a text file whose cells are separated by blanks, cells in quotes stay as they are") {
+    static const char *const labels[] = {"", "d e", "a  b", " \"c\"\tx", ""};
+    lg_frame_want want[] = {{.name = "x"}, {.name = "label", .as = LG_FRAME_TEXT}};
+    lg_frame f = new_frame(scratch_path("frame"), NULL, want, LG_COUNT(want));
+    lg_error error = {LG_OK, ""};
+    lg_status status;
+    write_text_to(f.path, "# x label\n0 nan\n1 \"d e\"\n 2\t\"a  b\" \n3  \" \"\"c\"\"\tx\"\n4 \"\"\n");
+    while (lg_test_again(status = lg_frame_open(&f, &error))) lg_frame_close(&f);
+    assert_status(status, LG_OK);
+    assert_ok(lg_frame_next(&f, SIZE_MAX, &error));
+    assert_int_equal(f.rows, LG_COUNT(labels));
+    for (size_t i = 0; i < f.rows; i++) {
+        assert_true(f.value[i] == (double)i);
+        assert_string_equal(lg_frame_text_of(&f, i, &want[1]), labels[i]);
+    }
+    lg_frame_close(&f);
 }
 
 TEST("missing numbers are NaN in every format") {
@@ -351,6 +379,10 @@ TEST("a message about a bad file says what was found and what to do") {
          "line 2: column x: 'm' is not a number; leave cells without a value empty, and begin a line of "
          "units with #"},
         {BYTES("t,x\n0,1\ns,m\n"), "x", "line 3: column x: 'm' is not a number; leave cells without"},
+        {BYTES("# t x\n0 1\nm 3\n4 m\n"), "x",
+         "line 4: column x: 'm' is not a number; write nan in cells without a value"},
+        {BYTES("# t x\n0 1\n2\n"), "x",
+         "line 3: has 1 cells, the header has 2; write nan in cells without a value, and put"},
         {BYTES("t\0,\0x\0\n"), "x",
          NO_TEXT " or an array of numpy (.npy): save it as one of these"}, /* UTF-16 */
         {BYTES("PK\3\4\0"), "x", "is not text: it begins as a zip file; from .npz save one array as .npy"},
@@ -403,6 +435,13 @@ TEST("data sets that are no columns, and a last line that may be cut, are named 
         {BYTES("t,x\n0,1\n1,2"), NULL, ""},
         {BYTES("t,x\n0,1\n1,2\n"), "x", ""},
         {BYTES("t,x\r\n0,1\r\n1,2\r"), "x", ""},
+        {BYTES("0,1\n2,3\n"), "1",
+         "warned: line 1: 0, 1, ... were taken as names of columns: if the line is a row, write names above "
+         "it, otherwise put each of them in quotes\n"},
+        {BYTES("0\n2\n"), "0", "line 1: 0, 1, ... were taken as names of columns"},
+        {BYTES("0,1\n2,3\n"), NULL, ""},
+        {BYTES("\"0\",\"1\"\n2,3\n"), "1", ""},
+        {BYTES("# t,x\n0,1\n2,3\n"), "x", ""},
     };
     char said[1024];
     lg_context_options options;
