@@ -96,5 +96,6 @@ int main(int argc, char **argv) {
     need(lg_program_save(NULL, argv[1], program, NULL, &error) == LG_OK, argv[1], error.message);
     printf("%u layers, %u inputs, %u outputs\n", layers, x.shape.dims[0],
            lg_program_outputs(program, 0, &count)->shape.dims[0]);
-    return 0; /* the process ends and frees all memory */
+    lg_tensors_destroy(&all);
+    return 0; /* the process ends and frees the rest */
 }
