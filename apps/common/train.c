@@ -88,7 +88,12 @@ void train_prepare(const app *self, train_task *task) {
 
 lg_status train_create(train_task *task, const lg_fit_options *options, lg_error *error) {
     task->training.options = *options;
-    return lg_training_create_fit(&task->training, error);
+    LG_TRY(lg_training_create_fit(&task->training, error));
+    if (options->prior > 0 && app_given(app_running(), "prior") && task->training.problem.observations == 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "--prior: this loss is no sum of squares of a network, so it has no prior: leave the "
+                       "option out");
+    return LG_OK;
 }
 
 lg_provenance app_provenance(const app *self, uint64_t seed) {

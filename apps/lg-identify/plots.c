@@ -141,7 +141,8 @@ static void put_term(app_plot *plot, const slices *s, const char *name, size_t i
     identify_values(app_running(), model, GRID, q, v, friction ? NULL : y, friction ? y : NULL);
     APP_PLOT_COLUMNS(plot, 7, GRID, {x, n, 1}, {friction ? y + index : y, friction ? nv : 1, 1});
     app_plot_block(plot);
-    APP_PLOT_COLUMNS(plot, 7, points, {s->lacking_v + index, nv, 1}, {s->lacking + index, nv, 1});
+    if (points > 0)
+        APP_PLOT_COLUMNS(plot, 7, points, {s->lacking_v + index, nv, 1}, {s->lacking + index, nv, 1});
     app_plot_block(plot);
 }
 

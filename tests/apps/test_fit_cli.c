@@ -451,6 +451,8 @@ TEST("classes whose names are texts are learned, and predicted with probabilitie
     (void)cli_read("where.csv", text, sizeof text);
     assert_non_null(strstr(text, "where,probability_7,probability_east,\"probability_north, far\"\n"));
     cli_expect(fit, "train classes.csv --class where --out c.h5 --method lm", 2, "lbfgs");
+    cli_expect(fit, "train classes.csv --class where --out c.h5 --prior 0.1", 2,
+               "--prior: this loss is no sum");
     /* Rows are true classes: one row of east is classified as east, the other as 7. */
     static const double told[9] = {0, 0, 0, 1, 1, 0, 0, 0, 0};
     double confusion[9];
