@@ -29,7 +29,11 @@ static lg_status begin_texts(lg_h5 *h5, hid_t type, size_t longest, uint64_t cou
     t->size = t->variable ? sizeof(char *) : stored + 1;
     if (!t->variable && (stored > longest || H5Tset_size(t->type, t->size) < 0 ||
                          H5Tset_strpad(t->type, H5T_STR_NULLTERM) < 0))
-        return lg_dataset_error(h5, name, "has texts that are too long: shorten them to 4095 bytes", error);
+        return lg_fail(
+            error, LG_FORMAT,
+            "%s: /%s: has a type of %zu bytes for each text; at most %zu can be read: use a narrower "
+            "type, or variable length",
+            lg_shown_path(h5->path), name, stored, longest);
     t->piece = t->variable ? PIECE_TEXTS : PIECE_BYTES / t->size;
     if (t->piece > count) t->piece = (size_t)count;
     t->memory = t->piece * t->size <= sizeof t->few ? t->few : lg_alloc(h5->context, t->piece, t->size);
@@ -55,8 +59,8 @@ static lg_status visit_piece(texts *t, uint64_t first, size_t count, const char 
         const char *text = text_at(t, i);
         if (text == NULL)
             return lg_fail(error, LG_FORMAT,
-                           "%s: /%s: the text at index (%llu) is too long: shorten it to 4095 bytes",
-                           lg_shown_path(t->h5->path), name, (unsigned long long)(first + i));
+                           "%s: /%s: the text at index (%llu) is too long: shorten it to %zu bytes",
+                           lg_shown_path(t->h5->path), name, (unsigned long long)(first + i), t->longest - 1);
         LG_TRY(visit(user, first + i, text, error));
     }
     return LG_OK;
@@ -128,21 +132,22 @@ static lg_status visit_names(char *text, const char *joint, lg_h5_visit visit, v
     }
 }
 
+/* `name` is the one in messages. */
 static lg_status visit_attribute(lg_h5 *h5, hid_t attribute, hid_t type, const char *name, const char *joint,
                                  lg_h5_visit visit, void *user, lg_error *error) {
     LG_ID space = H5Aget_space(attribute);
     const hssize_t count = H5Sget_simple_extent_npoints(space);
     LG_CLEAN(end_texts) texts t = {.h5 = h5, .type = H5I_INVALID_HID};
     if (count < 0 || (count > 1 && (uint64_t)count > h5->max_size))
-        return lg_dataset_error(h5, name, "is an attribute that cannot be read", error);
+        return lg_dataset_error(h5, name, "cannot be read: write it again", error);
     if (count == 0) return LG_OK;
     LG_TRY(
         begin_texts(h5, type, count == 1 ? ATTRIBUTE_BYTES : LG_H5_TEXT, (uint64_t)count, name, &t, error));
     if ((uint64_t)count > t.piece)
-        return lg_dataset_error(h5, name, "is an attribute of too many texts", error);
+        return lg_dataset_error(h5, name, "has too many texts: write fewer", error);
     const bool read = H5Aread(attribute, t.type, t.memory) >= 0, names = joint != NULL && count == 1;
     char *text = read && names ? text_at(&t, 0) : NULL;
-    const lg_status status = !read ? lg_dataset_error(h5, name, "is an attribute that cannot be read", error)
+    const lg_status status = !read ? lg_dataset_error(h5, name, "cannot be read: write it again", error)
                              : text != NULL ? visit_names(text, joint, visit, user, error)
                                             : visit_piece(&t, 0, (size_t)count, name, visit, user, error);
     if (t.variable) (void)H5Dvlen_reclaim(t.type, space, H5P_DEFAULT, t.memory);
@@ -153,10 +158,12 @@ lg_status lg_h5_each_name(lg_h5 *h5, const char *object, const char *name, const
                           lg_h5_visit visit, void *user, lg_error *error) {
     *words = false;
     if (!lg_h5_has_attribute(h5, object, name)) return LG_OK;
+    char shown[256];
+    (void)lg_format(shown, sizeof shown, "%s: attribute %s", object, name);
     LG_QUIET;
     LG_ID attribute = H5Aopen_by_name(h5->file, *object == '\0' ? "/" : object, name, H5P_DEFAULT, h5->links),
           type = H5Aget_type(attribute);
-    if (type < 0) return lg_dataset_error(h5, name, "is an attribute that cannot be read", error);
+    if (type < 0) return lg_dataset_error(h5, shown, "cannot be read: write it again", error);
     *words = H5Tget_class(type) == H5T_STRING;
-    return *words ? visit_attribute(h5, attribute, type, name, joint, visit, user, error) : LG_OK;
+    return *words ? visit_attribute(h5, attribute, type, shown, joint, visit, user, error) : LG_OK;
 }

@@ -134,6 +134,14 @@ TEST("the system that made the data is read back, with all its parameters") {
     assert_refused(read_and_free, path, LG_FORMAT, "/parameters", "masses");
     delete_link(path, "parameters/masses");
     assert_null(read_trajectories(path)->truth);
+    /* No matter in which order: without one of them the others are not read. */
+    replace_dataset(path, "parameters/masses", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, square,
+                    (double[]){1, 2, 3, 4});
+    delete_link(path, "parameters/lengths");
+    assert_null(read_trajectories(path)->truth);
+    replace_dataset(path, "parameters/lengths", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 2, row, lengths);
+    delete_link(path, "parameters/gravity");
+    assert_null(read_trajectories(path)->truth);
 }
 
 TEST("no system has more parameters than a file of trajectories takes") {
@@ -330,23 +338,68 @@ TEST("a column or a row is read where a list is wanted") {
     }
 }
 
+/* Replaces the times of a good file by texts of variable length, in a column. */
+static void replace_times(const char *path, const char *const times[5]) {
+    const hsize_t column[2] = {5, 1};
+    hid_t text = H5Tcopy(H5T_C_S1);
+    assert_true(H5Tset_size(text, H5T_VARIABLE) >= 0);
+    replace_dataset(path, "t", text, text, 2, column, times);
+    assert_true(H5Tclose(text) >= 0);
+}
+
 TEST("times may be dates, which become seconds since the first one") {
     const char *path = good_file();
     const char *dates[5] = {"2024-02-29T23:59:59.975Z", "2024-03-01T00:00:00Z", "2024-03-01T00:00:00.025Z",
                             "2024-03-01T01:00:00.05+01:00", "2024-03-01T00:00:00.075Z"};
-    const hsize_t column[2] = {5, 1};
-    hid_t text = H5Tcopy(H5T_C_S1);
-    assert_true(H5Tset_size(text, H5T_VARIABLE) >= 0);
-    replace_dataset(path, "t", text, text, 2, column, dates);
+    replace_times(path, dates);
     const lg_trajectories *back = read_trajectories(path);
     for (int i = 0; i < 5; i++) assert_close(back->t[i], 0.025 * i, 1e-15, 0);
     dates[3] = "00:00:00.05";
-    replace_dataset(path, "t", text, text, 2, column, dates);
+    replace_times(path, dates);
     assert_refused(read_and_free, path, LG_FORMAT, "/t: the text at index (3) is no time in the format", "");
     dates[0] = "soon";
-    replace_dataset(path, "t", text, text, 2, column, dates);
-    assert_refused(read_and_free, path, LG_FORMAT, "/t: the text at index (0)", "dates such as 2024-");
-    assert_true(H5Tclose(text) >= 0);
+    replace_times(path, dates);
+    assert_refused(read_and_free, path, LG_FORMAT, "/t: the text at index (0) is no time: write numbers",
+                   "dates such as 2024-");
+}
+
+TEST("times as texts count as equidistant to their last digit") {
+    static const struct {
+        const char *times[5];
+        double dt; /* 0: refused */
+    } rows[] = {
+        {{"0.000000", "0.016667", "0.033333", "0.050000", "0.066667"}, 1 / 60.},
+        {{"0", "0.016667", "0.033333", "0.05", "0.066667"}, 1 / 60.},
+        {{"9.983333", "10", "10.01667", "10.03333", "10.05"}, 1 / 60.},
+        {{"0", "1.667e-02", "3.333E-02", "5e-2", "6.667e-02"}, 1 / 60.},
+        {{"1700000000.000000000", "1700000000.014285714", "1700000000.028571429", "1700000000.042857143",
+          "1700000000.057142857"},
+         1 / 70.},
+        {{"2024-03-01T12:00:00Z", "2024-03-01T12:00:00.016667Z", "2024-03-01T12:00:00.033333Z",
+          "2024-03-01T12:00:00.05Z", "2024-03-01T12:00:00.066667Z"},
+         1 / 60.},
+        {{"9:59:59.983", "10:00:00.000", "10:00:00.017", "10:00:00.033", "10:00:00.050"}, 1 / 60.},
+        /* Clocks have nanoseconds. */
+        {{"12:00:00.000000000000", "12:00:00.000033333333", "12:00:00.000066666666", "12:00:00.000100000000",
+          "12:00:00.000133333333"},
+         1 / 30000.},
+        {{"0.000000", "0.016667", "0.033335", "0.050000", "0.066667"}, 0},
+        {{"0", "1.667e-02", "3.353e-02", "5e-2", "6.667e-02"}, 0},
+        {{"0.000000", "0.012500", "0.025010", "0.0375", "0.05"}, 0},
+        {{"2024-03-01T12:00:00Z", "2024-03-01T12:00:00.016667Z", "2024-03-01T12:00:00.033343Z",
+          "2024-03-01T12:00:00.05Z", "2024-03-01T12:00:00.066667Z"},
+         0},
+        /* A point is missing. */
+        {{"0", "1", "2", "4", "5"}, 0},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const char *path = good_file();
+        replace_times(path, rows[i].times);
+        if (rows[i].dt == 0)
+            assert_refused(read_and_free, path, LG_FORMAT, "/t: the times are not equidistant", "");
+        else
+            assert_close(read_trajectories(path)->dt, rows[i].dt, 0.02, 0);
+    }
 }
 
 /* One case per row: a data set that replaces the good one (3 trajectories, 5 points, d = 6). */

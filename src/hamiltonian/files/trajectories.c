@@ -1,6 +1,8 @@
 /* Trajectory data sets: /t (M), /trajectories (N, M, d), /hamiltonian (N), /inputs (N, M-1, m). */
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "files/frame.h"
@@ -10,6 +12,7 @@
 #include "hamiltonian/internal.h"
 
 #define TIME_TOLERANCE     1e-6 /* relative to dt */
+#define TEXT_TOLERANCE     0.1  /* the same, of texts of few digits; a missing point moves a time by more */
 #define MANIFOLD_TOLERANCE 1e-6
 
 /* How many numbers each of the n copies has in a state. */
@@ -170,9 +173,26 @@ typedef struct read_call {
     lg_trajectories *out;
     double epsilon; /* relative rounding error of the type that stores /t */
     lg_clock clock; /* of times that are texts */
+    size_t digits;  /* of the text with the most digits */
+    double unit;    /* of the last one of these digits, in seconds; the largest if several texts have them */
     bool project;
     const lg_program *constraint; /* of the options */
 } read_call;
+
+/* Counts the digits of a time from the first one that is not 0. Programs leave out zeros at the end, so the
+ * text with the most digits shows to which unit all texts of a column are rounded. */
+static void count_digits(read_call *call, const char *text, lg_time_format format) {
+    const size_t end = strcspn(text, "eE"), point = strcspn(text, ".");
+    const long power = text[end] != '\0' ? strtol(text + end + 1, NULL, 10) : 0;
+    const size_t places = text[point] != '\0' ? strspn(text + point + 1, "0123456789") : 0;
+    double unit = pow(10, (double)power - (double)places);
+    size_t digits = 0;
+    for (size_t i = strcspn(text, "123456789"); i < end; i++) digits += text[i] >= '0' && text[i] <= '9';
+    if (format != LG_TIME_SECONDS) unit = fmax(unit, 1e-9); /* lg_moment leaves out further digits */
+    if (digits < call->digits) return;
+    call->unit = digits > call->digits ? unit : fmax(call->unit, unit);
+    call->digits = digits;
+}
 
 /* Times that are texts become seconds since the first one, as in a log. */
 static lg_status take_time(void *user, uint64_t index, const char *text, lg_error *error) {
@@ -181,11 +201,15 @@ static lg_status take_time(void *user, uint64_t index, const char *text, lg_erro
     const char *end = lg_moment_scan(text, &now);
     const double t = end != NULL && *end == '\0' ? lg_clock_read(&call->clock, now) : (double)NAN;
     call->out->t[index] = t;
-    if (isfinite(t)) return LG_OK;
-    return lg_fail(error, LG_FORMAT,
-                   "%s: /t: the text at index (%llu) is no time in the format of the first one: write "
-                   "numbers of seconds, or dates such as 2024-03-01T12:00:00.25Z",
-                   lg_shown_path(call->path), (unsigned long long)index);
+    if (!isfinite(t))
+        return lg_fail(
+            error, LG_FORMAT,
+            "%s: /t: the text at index (%llu) is no time%s: write numbers of seconds, or dates such "
+            "as 2024-03-01T12:00:00.25Z",
+            lg_shown_path(call->path), (unsigned long long)index,
+            index > 0 ? " in the format of the first one" : "");
+    count_digits(call, text, now.format);
+    return LG_OK;
 }
 
 static lg_status read_arrays(read_call *call, lg_error *error) {
@@ -202,7 +226,7 @@ static lg_status read_arrays(read_call *call, lg_error *error) {
                        6 * LG_HAMILTONIAN_MAX_COPIES);
     s.intervals.n = s.points.n - 1;
     LG_TRY(lg_h5_fit(call->h5, &arrays[TIMES], sizeof(double), true, &times, error));
-    call->epsilon = times.epsilon;
+    call->epsilon = times.kind == LG_H5_WORDS ? DBL_EPSILON : times.epsilon;
     out->t = lg_alloc(call->context, (size_t)s.points.n, sizeof(double));
     if (out->t == NULL) return lg_h5_no_memory(call->h5, error);
     LG_TRY(times.kind == LG_H5_WORDS
@@ -221,7 +245,9 @@ static lg_status check_times(read_call *call, lg_error *error) {
     size_t last = out->points - 1;
     const double *t = out->t;
     double dt = (t[last] - t[0]) / (double)last, largest = fmax(fabs(t[0]), fabs(t[last]));
-    double tolerance = TIME_TOLERANCE * dt + 2 * call->epsilon * largest;
+    /* Of a rounded time and of the straight line between two: half a unit each. */
+    double rounded = fmin(call->unit, TEXT_TOLERANCE * dt) + 2 * call->epsilon * largest;
+    double tolerance = TIME_TOLERANCE * dt + rounded;
     if (!isfinite(dt))
         return lg_fail(error, LG_FORMAT,
                        "%s: /t: the time from the first to the last point is not a finite number",
@@ -438,10 +464,13 @@ static lg_status read_truth(read_call *call, lg_error *error) {
     const char *form = lg_learned_form(out->system);
     const lg_parameter_entry *row = lg_system_parameters(out->system, form);
     if (row == NULL) return LG_OK;
+    for (size_t i = 0; row[i].key != NULL; i++) {
+        parameter_path(row + i, path);
+        if (!lg_h5_has(call->h5, path)) return LG_OK;
+    }
     for (; row->key != NULL; row++, count++) {
         lg_h5_size size = {0, NULL, NULL};
         parameter_path(row, path);
-        if (!lg_h5_has(call->h5, path)) return LG_OK;
         LG_TRY(lg_h5_get_arrays(call->h5, &(lg_h5_array){path, &values.of[count], {&size}, false}, 1, error));
         given[count] = (lg_named_values){row->key, values.of[count], (size_t)size.n};
     }
