@@ -7,6 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "liegrad/core.h"
+
 /* What inputs are made of. The fuzzer changes them by this structure (forms.h). */
 typedef enum fuzz_form {
     FORM_BYTES,
@@ -36,6 +38,13 @@ const fuzz_harness *fuzz_find(const char *name);
 #define FUZZ_ENDING ".part-0-of-2"
 const char *fuzz_file(const void *data, size_t size);
 int fuzz_file_descriptor(void);
+/* Ends the process if a reader has failed without a message. fuzz_returned counts the results of readers:
+ * failures and successes. A replay of a corpus fails if no reader accepts any of it: then the harness is out
+ * of date. */
+void fuzz_status(lg_status status, const lg_error *error);
+extern size_t fuzz_returned[2];
+/* Bytes that an array of a file may take. */
+extern uint64_t fuzz_limit;
 /* Reads a file of any format as a table and as a frame. */
 void fuzz_read_table(const char *path);
 

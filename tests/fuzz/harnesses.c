@@ -23,7 +23,7 @@ const fuzz_harness fuzz_harnesses[] = {
     {"feed", fuzz_feed, FORM_BYTES, 512, "the feed of lg-anomaly watch"},
     {"options", fuzz_options, FORM_BYTES, 256, "numbers, names, lists and settings of the command line"},
     {"model", fuzz_model, FORM_TREE, 16384, "models and classifiers (HDF5)"},
-    {"policy", fuzz_policy, FORM_TREE, 16384, "controllers (HDF5)"},
+    {"policy", fuzz_policy, FORM_TREE, 32768, "controllers (HDF5)"},
     {"data", fuzz_data, FORM_TREE, 8192, "trajectories, curves, series, tables, logs (HDF5)"},
     {"program", fuzz_program, FORM_TREE, 16384, "programs (HDF5)"},
     {"packed", fuzz_packed, FORM_FUNCTIONS, 4096, "packed functions"},
@@ -40,6 +40,15 @@ const fuzz_harness *fuzz_find(const char *name) {
     for (const fuzz_harness *h = fuzz_harnesses; h->name != NULL; h++)
         if (strcmp(h->name, name) == 0) return h;
     return NULL;
+}
+
+/* ---- results of readers ---- */
+
+size_t fuzz_returned[2];
+
+void fuzz_status(lg_status status, const lg_error *error) {
+    if (status != LG_OK && error->message[0] == '\0') abort();
+    fuzz_returned[status == LG_OK]++;
 }
 
 /* ---- the file for the readers ---- */
@@ -76,6 +85,8 @@ int fuzz_file_descriptor(void) {
     return file;
 }
 
+uint64_t fuzz_limit = 1 << 16;
+
 /* ---- functions that the linker puts in place of the library's ----
  *
  * No child process reads the file first, so that a crash happens here, where the fuzzer finds it. Arrays are
@@ -88,7 +99,7 @@ lg_status __wrap_lg_read_options_resolve(const lg_read_options *options, lg_read
 lg_status __wrap_lg_read_options_resolve(const lg_read_options *options, lg_read_options *out,
                                          lg_error *error) {
     LG_TRY(__real_lg_read_options_resolve(options, out, error));
-    out->max_size = (uint64_t)1 << 16;
+    out->max_size = fuzz_limit;
     return LG_OK;
 }
 

@@ -98,6 +98,7 @@ int main(int argc, char **argv) {
     }
     if (freopen("/dev/null", "w", stdout) == NULL) return 1; /* the output of readers is not needed */
     for (int i = 2; i < argc; i++) run_path(harness, argv[i]);
-    (void)fprintf(stderr, "%s: %d inputs\n", harness->name, runs);
-    return runs > 0 ? 0 : 1;
+    (void)fprintf(stderr, "%s: %d inputs; readers accepted %zu and rejected %zu\n", harness->name, runs,
+                  fuzz_returned[1], fuzz_returned[0]);
+    return runs > 0 && (fuzz_returned[0] == 0 || fuzz_returned[1] > 0) ? 0 : 1;
 }

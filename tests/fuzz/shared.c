@@ -8,10 +8,6 @@
 #include "lg-simulate/ensemble.h"
 #include "tree.h"
 
-static void refused(lg_status status, const lg_error *error) {
-    if (status != LG_OK && error->message[0] == '\0') abort();
-}
-
 /* ---- parts of work ---- */
 
 enum { PART_RECORD = 24, PART_COUNT = 3 };
@@ -40,7 +36,7 @@ void fuzz_part(const uint8_t *data, size_t size) {
         lg_error error = {LG_OK, ""};
         (void)trials_choose(&t, NULL);
         const lg_status status = trials_open(&t, "fuzz", &error);
-        refused(status, &error);
+        fuzz_status(status, &error);
         if (time == 1 && (status != LG_OK || trials_known(&t) != PART_COUNT)) abort();
         for (size_t i = 0; i < PART_COUNT && status == LG_OK; i++) {
             trials_exchange(&t, i, record);
@@ -59,7 +55,7 @@ static void merge(result *into, result *from) {
     from->first += from->members;
     for (size_t i = 0; i < from->listed; i++) from->who[i][0] += from->members;
     const lg_status status = result_merge(into, from, &error);
-    refused(status, &error);
+    fuzz_status(status, &error);
     if (status == LG_OK && result_failed(into) > into->members) abort();
 }
 
@@ -70,12 +66,12 @@ void fuzz_parts(const uint8_t *data, size_t size) {
     lg_error error = {LG_OK, ""};
     lg_rows_about about;
     lg_status status = lg_rows_file_look(NULL, path, &about, run, sizeof run, &error);
-    refused(status, &error);
+    fuzz_status(status, &error);
     if (status == LG_OK) return;
     result parts[2] = {{.what = NULL}, {.what = NULL}};
     for (int i = 0; i < 2; i++) {
         status = result_read(&by, path, &parts[i], &error);
-        refused(status, &error);
+        fuzz_status(status, &error);
         if (status != LG_OK) break;
     }
     if (status == LG_OK) merge(&parts[0], &parts[1]);
