@@ -190,6 +190,7 @@ typedef struct handle {
      * complex number that is read: 1 "r", 2 "i", or 0 if the type has no members */
     hid_t native;
     int member;
+    size_t size; /* bytes of a text in memory, which is terminated; 0: as in the file */
     /* for data spaces */
     unsigned rank;
     bool none, selected;
@@ -581,6 +582,19 @@ H5T_str_t H5Tget_strpad(hid_t type) {
     const unsigned t = type_record(type)->type % TREE_TYPES;
     return t == TYPE_BLANKS ? H5T_STR_SPACEPAD : t == TYPE_ZEROS ? H5T_STR_NULLPAD : H5T_STR_NULLTERM;
 }
+/* Only for texts of fixed length, which are terminated then. */
+herr_t H5Tset_size(hid_t type, size_t size) {
+    handle *h = get(type, A_TYPE);
+    NEEDS(h);
+    if (h->record == NULL || H5Tget_class(type) != H5T_STRING || size == 0) return -1;
+    h->size = size;
+    return 0;
+}
+herr_t H5Tset_strpad(hid_t type, H5T_str_t pad) {
+    const handle *h = get(type, A_TYPE);
+    NEEDS(h);
+    return h->size > 0 && pad == H5T_STR_NULLTERM ? 0 : -1;
+}
 htri_t H5Tis_variable_str(hid_t type) {
     NEEDS(type_record(type));
     return type_record(type)->type % TREE_TYPES == TYPE_ANY_LENGTH;
@@ -716,6 +730,18 @@ static char *text_at(const tree_record *r, size_t at) {
     }
 }
 
+/* Copies a text of fixed length without its padding, and ends it. */
+static void put_text(const tree_record *r, const uint8_t *from, size_t stored, uint8_t *out, size_t size) {
+    size_t length = 0;
+    if (r->type % TREE_TYPES == TYPE_BLANKS)
+        for (length = stored; length > 0 && from[length - 1] == ' '; length--) continue;
+    else
+        while (length < stored && from[length] != 0) length++;
+    if (length > size - 1) length = size - 1;
+    memset(out, 0, size);
+    memcpy(out, from, length);
+}
+
 static herr_t read_elements(const tree_record *r, hid_t memory, const handle *part, bool checked, void *out) {
     static uint8_t bytes[TREE_BYTES];
     const size_t size = bytes_of(r), stored = tree_count(r, size);
@@ -741,6 +767,8 @@ static herr_t read_elements(const tree_record *r, hid_t memory, const handle *pa
         const uint8_t *from = there ? bytes + at * size + (member > 1 ? 8 : 0) : zeros;
         if (words && r->type % TREE_TYPES == TYPE_ANY_LENGTH)
             ((char **)out)[i] = there ? text_at(r, at) : NULL;
+        else if (words && made != NULL && made->size > 0)
+            put_text(r, from, size, (uint8_t *)out + i * made->size, made->size);
         else if (words)
             memcpy((uint8_t *)out + i * size, from, size);
         else if (!store(number_of(element, from), memory, checked, (uint8_t *)out + i * wanted))
