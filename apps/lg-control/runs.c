@@ -147,8 +147,8 @@ static double goal_of(const control_quantity *q) {
     return q->count == 1 ? q->goal[0] : 0;
 }
 
-/* The two axes along which the starts reach farthest, in sizes of the set {V < c} of the regulator. Free
- * positions are none. */
+/* Chooses the two axes along which the starts reach farthest, in sizes of the regulator's set {V < c}. Free
+ * positions are left out. */
 static void choose_map(const control_quantity *axis, size_t axes, const lg_policy_regulator *r,
                        const control_quantity **chosen) {
     double most[2] = {-1, -1};

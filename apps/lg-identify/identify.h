@@ -154,8 +154,8 @@ void identify_values(const app *self, const lg_learned_machine *model, size_t co
 
 /* ---- plots (plots.c) ---- */
 
-/* Each column of the first parts of a log against time, and its predictions; of an evaluation also errors
- * against horizons, and what was learned. */
+/* The plot shows each column of the first `parts` parts of a log against time, and its predictions. The plot
+ * of an evaluation also shows the errors against the horizons, and the learned potential and friction. */
 typedef struct identify_plot {
     const char *title;
     const lg_machine_file *file;

@@ -17,8 +17,8 @@ static void put_group(app_plot *plot, const char *name, const char *what, uint32
                       count, predicted);
 }
 
-/* Writes the texts of the columns, and panels for the positions, the attitude and the velocities of each
- * coordinate, then, if nothing else is drawn, one for all inputs. */
+/* Writes the texts of the columns, then for each coordinate a panel of its positions, of its attitude and of
+ * its velocities. A plot that is not of an evaluation also has a panel of all inputs. */
 static void put_columns(app_plot *plot, const identify_plot *of) {
     const lg_machine_file *file = of->file;
     const bool predicted = of->runs != NULL;

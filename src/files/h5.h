@@ -141,7 +141,7 @@ typedef struct lg_h5_slice {
  * number are lists, too. `words`: it may hold texts. */
 lg_status lg_h5_fit(lg_h5 *h5, const lg_h5_array *array, size_t bytes, bool words, lg_h5_about *about,
                     lg_error *error);
-/* The last axis along which there is not just one number or text; 0 if there is none. */
+/* Returns the last axis whose length is not 1; 0 if all lengths are 1. */
 static inline uint32_t lg_h5_long_axis(const lg_h5_about *about) {
     uint32_t axis = 0;
     for (uint32_t i = 1; i < about->rank; i++)
@@ -172,7 +172,8 @@ uint64_t lg_h5_block(const lg_h5_about *about, uint32_t axis);
  * or with LG_NOT_FINITE; the message has the index. */
 lg_status lg_h5_get_wholes(lg_h5 *h5, const char *name, const lg_h5_about *about, int64_t *out,
                            lg_error *error);
-/* Copies such integers; LG_FORMAT if one is not within 0 to `most`. */
+/* Copies integers to uint32_t. Fails with LG_FORMAT if one is below 0 or above `most`; the message has its
+ * index. */
 lg_status lg_h5_narrow(const lg_h5 *h5, const char *name, const int64_t *values, uint64_t count,
                        uint32_t most, uint32_t *out, lg_error *error);
 /* Calls visit(user, index, text, error) for each text of a data set, in order, until one call fails. Each
@@ -182,16 +183,11 @@ lg_status lg_h5_each_text_of(lg_h5 *h5, const lg_h5_slice *slice, lg_h5_visit vi
                              lg_error *error);
 lg_status lg_h5_each_text(lg_h5 *h5, const char *name, lg_h5_visit visit, void *user, lg_error *error);
 /* The same for the texts of an attribute, which is a single text or a list. A single text may have up to 64
- * KiB. If the attribute is missing or of another type, *words becomes false and visit is not called. With
- * `joint`, a single text is several names, with the first character of `joint` between them; its other
- * characters are left out where they stand before a name. */
+ * KiB. If the attribute is missing or of another type, *words becomes false and visit is not called. If
+ * `joint` is not NULL, a single text holds several names: the first character of `joint` separates them, and
+ * its other characters are skipped before each name. */
 lg_status lg_h5_each_name(lg_h5 *h5, const char *object, const char *name, const char *joint, bool *words,
                           lg_h5_visit visit, void *user, lg_error *error);
-static inline lg_status lg_h5_each_attribute_text(lg_h5 *h5, const char *object, const char *name,
-                                                  bool *words, lg_h5_visit visit, void *user,
-                                                  lg_error *error) {
-    return lg_h5_each_name(h5, object, name, NULL, words, visit, user, error);
-}
 
 /* ---- attributes ---- */
 lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out, size_t size,

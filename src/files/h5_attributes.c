@@ -33,7 +33,7 @@ lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out,
     bool words = false;
     if (!lg_h5_has_attribute(h5, object, name)) return bad(&a, LG_NOT_FOUND, "is missing", error);
     *out = '\0';
-    LG_TRY(lg_h5_each_attribute_text(h5, object, name, &words, copy_text, &a, error));
+    LG_TRY(lg_h5_each_name(h5, object, name, NULL, &words, copy_text, &a, error));
     return words ? LG_OK : bad(&a, LG_FORMAT, "is not a text: write it as a string", error);
 }
 

@@ -14,7 +14,7 @@ typedef struct texts {
     lg_h5 *h5;
     hid_t type;         /* in memory; texts of fixed length have no padding and are terminated */
     bool variable;      /* texts have variable length */
-    size_t size, piece; /* bytes per text in `memory`; number of texts read at once */
+    size_t size, piece; /* a text takes `size` bytes of memory; `piece` texts are read at once */
     size_t longest;     /* longest text allowed, in bytes with the terminator */
     char *memory;       /* (piece, size) */
     char none[1];
@@ -132,7 +132,7 @@ static lg_status visit_names(char *text, const char *joint, lg_h5_visit visit, v
     }
 }
 
-/* `name` is the one in messages. */
+/* Messages call the attribute `name`. */
 static lg_status visit_attribute(lg_h5 *h5, hid_t attribute, hid_t type, const char *name, const char *joint,
                                  lg_h5_visit visit, void *user, lg_error *error) {
     LG_ID space = H5Aget_space(attribute);

@@ -224,9 +224,9 @@ TEST("texts, numbers and provenance are read back, after a change of the file to
         assert_true(!lg_h5_has_attribute(h5, "set", "old") && !lg_h5_has_attribute(h5, "other", "x"));
     }
     assert_told(lg_h5_each_text(h5, "texts", count_text, &count, &told));
-    assert_told(lg_h5_each_attribute_text(h5, "set", "list", &words, count_text, &count, &told));
+    assert_told(lg_h5_each_name(h5, "set", "list", NULL, &words, count_text, &count, &told));
     assert_true(count == 6 && words);
-    assert_told(lg_h5_each_attribute_text(h5, "set", "f64", &words, count_text, &count, &told));
+    assert_told(lg_h5_each_name(h5, "set", "f64", NULL, &words, count_text, &count, &told));
     assert_false(words);
     assert_told(lg_h5_text(h5, "made/group", "long", text, sizeof text, &told));
     assert_int_equal(strspn(text, "x"), LG_H5_TEXT - 1);
@@ -568,7 +568,7 @@ TEST("attributes that other programs wrote are read, or refused with the attribu
         bool words;
         const lg_status status =
             rows[i].as == TEXT_OF   ? lg_h5_text(h5, "", name, text, sizeof text, &error)
-            : rows[i].as == EACH    ? lg_h5_each_attribute_text(h5, "", name, &words, pass, text, &error)
+            : rows[i].as == EACH    ? lg_h5_each_name(h5, "", name, NULL, &words, pass, text, &error)
             : rows[i].as == REAL_OF ? lg_h5_number(h5, "", name, LG_ELEMENT_F64, &real, &error)
             : rows[i].as == INTEGER ? lg_h5_number(h5, "", name, LG_ELEMENT_I64, &whole, &error)
                                     : lg_h5_number(h5, "", name, LG_ELEMENT_U32, &natural, &error);

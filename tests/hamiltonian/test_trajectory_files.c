@@ -366,7 +366,7 @@ TEST("times may be dates, which become seconds since the first one") {
 TEST("times as texts count as equidistant to their last digit") {
     static const struct {
         const char *times[5];
-        double dt; /* 0: refused */
+        double dt; /* 0: the times are rejected */
     } rows[] = {
         {{"0.000000", "0.016667", "0.033333", "0.050000", "0.066667"}, 1 / 60.},
         {{"0", "0.016667", "0.033333", "0.05", "0.066667"}, 1 / 60.},

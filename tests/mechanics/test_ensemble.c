@@ -567,7 +567,7 @@ TEST("a block whose memory no size_t counts is refused: there is no memory for i
         }
 }
 
-TEST("rows of one member whose memory no size_t counts are refused") {
+TEST("rows of one member are rejected if a size_t cannot hold their bytes") {
     const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
     for (size_t less = 0; less < 8; less++) {
         const lg_lane_plan plan = {.scheme = lg_scheme_find("rkmk54"),

@@ -245,7 +245,7 @@ TEST("the table of trials is text that other programs can read") {
                         "3,pruned,0.5,7,100,1.25,resnet,4,0.0078125,0.0625,true,0.75,0.5\n");
 }
 
-TEST("a range with the name of another column has a column of its own name") {
+TEST("a range named like another column of the table gets the column option-NAME") {
     lg_search_file file = {.space = {.count = 2,
                                      .ranges = {{.name = "epochs", .kind = LG_RANGE_INTEGER, .high = 100},
                                                 {.name = "lr", .kind = LG_RANGE_UNIFORM, .high = 1}}}};

@@ -127,8 +127,8 @@ static lg_status get_task(lg_h5 *h5, loading *l, lg_error *error) {
     lg_policy_task *task = &l->policy->task;
     bool words = false;
     lg_policy_task_init(task);
-    LG_TRY(lg_h5_each_attribute_text(h5, group, "coordinates", &words, take_coordinate, task, error));
-    if (words) LG_TRY(lg_h5_each_attribute_text(h5, group, "inputs", &words, take_input, task, error));
+    LG_TRY(lg_h5_each_name(h5, group, "coordinates", NULL, &words, take_coordinate, task, error));
+    if (words) LG_TRY(lg_h5_each_name(h5, group, "inputs", NULL, &words, take_input, task, error));
     if (!words) return lg_fail(error, LG_FORMAT, "/policy: the names of coordinates and inputs are missing");
     LG_TRY(lg_h5_text(h5, group, "task", l->text, sizeof l->text, error));
     LG_TRY(lg_policy_task_parse(h5->context, h5->path, l->text, task, error));

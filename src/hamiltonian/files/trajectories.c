@@ -278,7 +278,7 @@ static const char *holder_of(const read_call *call, const char *name) {
                                                                  : NULL;
 }
 
-/* Reads an optional text attribute; "" if there is none. */
+/* Reads a text attribute. If the file does not have it, the text is "". */
 static lg_status optional_text(read_call *call, const char *name, char *text, size_t size, lg_error *error) {
     const char *holder = holder_of(call, name);
     text[0] = '\0';
@@ -453,8 +453,8 @@ static void free_values(const truth_values *values) {
     for (size_t i = 0; i < LG_COUNT(values->of); i++) lg_free(values->context, values->of[i]);
 }
 
-/* Makes out->truth from the parameters in the file, in the form of the system that is learned. There is none
- * if the system is not known or the file lacks a parameter. */
+/* Makes out->truth from the parameters in the file, in the form of the system that is learned. If the
+ * system is unknown or the file lacks one of its parameters, out->truth stays empty. */
 static lg_status read_truth(read_call *call, lg_error *error) {
     lg_trajectories *out = call->out;
     lg_named_values given[LG_MOST_PARAMETERS];

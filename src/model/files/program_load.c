@@ -62,8 +62,7 @@ static lg_status get_texts(reading *r, const char *path, const char *attribute, 
     char what[LG_PROGRAM_NAME + 32];
     out->text = lg_alloc(r->h5->context, LG_PROGRAM_MOST_NAMES, sizeof *out->text);
     if (out->text == NULL) return lg_h5_no_memory(r->h5, r->error);
-    const lg_status status =
-        lg_h5_each_attribute_text(r->h5, path, attribute, &words, keep_text, &l, r->error);
+    const lg_status status = lg_h5_each_name(r->h5, path, attribute, NULL, &words, keep_text, &l, r->error);
     (void)snprintf(what, sizeof what, "has no attribute %s with names", attribute);
     return lg_as_format(words ? status : bad(r, path, what), r->error);
 }
