@@ -5,6 +5,7 @@ set -u
 export LC_ALL=C
 check=$LG_TEST_DIR/../bench/certificates/check.py
 python=${LIEGRAD_PYTHON:-python3}
+"$python" -c 'import numpy' 2>/dev/null || python=/usr/bin/python3 # another Python does not see Debian's packages
 "$python" -c 'import numpy' 2>/dev/null || { echo "Python has no numpy (Debian: python3-numpy)"; exit 77; }
 "$python" -c 'import flint' 2>/dev/null || "$python" -c 'import mpmath' 2>/dev/null ||
     { echo "Python has neither flint nor mpmath (Debian: python3-mpmath)"; exit 77; }
