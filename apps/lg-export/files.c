@@ -373,9 +373,9 @@ static lg_status put(const app *self, place *at, lg_error *error) {
     lg_status status = look_above(at, error);
     if (status == LG_OK) status = app_claim(self, at->out, error);
     if (status == LG_OK) status = look(at, error);
+    if (status == LG_OK && at->earlier) app_say_replaces(self, at->out);
     if (status == LG_OK) status = make_temporary(self, at, error);
     if (status == LG_OK) status = write_files(at, error);
-    if (status == LG_OK && at->earlier) app_say_replaces(self, at->out);
     if (status == LG_OK) status = at->replace ? rename_files(at, error) : rename_folder(at, error);
     if (status != LG_OK) remove_temporary(at);
     if (at->temporary != NULL) lg_temporary_end(&at->holds);

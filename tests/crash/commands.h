@@ -18,13 +18,14 @@ typedef struct job {
     const char *name, *program, *arguments;
     /* the file that shows the progress; NULL: the command starts from the beginning */
     const char *checkpoint;
-    const char *again; /* options added if the checkpoint exists */
-    bool counted;      /* each step of progress renames the checkpoint once */
-    bool keeps;        /* an existing output is replaced only at the end */
-    bool appends;      /* the output is a log, to which a second run appends */
-    bool unordered;    /* rows are in the order in which they were finished */
-    bool adds;         /* rows are added to the checkpoint, which is an output */
-    const char *parts; /* ending of outputs that may lack a part if a warning says that the part failed */
+    const char *again;    /* options added if the checkpoint exists */
+    bool counted;         /* each step of progress renames the checkpoint once */
+    bool keeps;           /* an existing output is replaced only at the end */
+    bool appends;         /* the output is a log, to which a second run appends */
+    bool unordered;       /* rows are in the order in which they were finished */
+    bool adds;            /* rows are added to the checkpoint, which is an output */
+    const char *parts;    /* ending of outputs that may lack a part if a warning says that the part failed */
+    const char *fallback; /* arguments whose outputs[0] may be left if another output could not be written */
     const char *outputs[OUTPUTS];
 } job;
 
@@ -39,7 +40,7 @@ typedef struct bench {
     bool warned;    /* the run printed a warning */
     bool gaps;      /* a log may lack lines, because the run said so */
     bool stopped;   /* a failed run may leave a history of its first epochs */
-    char wanted[OUTPUTS][LG_SHA256_TEXT];
+    char wanted[OUTPUTS][LG_SHA256_TEXT], fallback[LG_SHA256_TEXT];
     uint64_t failed;
 } bench;
 
