@@ -146,9 +146,9 @@ void control_tell_robustness(const lg_policy *policy, control_machine *machine, 
         app_result_line(out, "from %llu starts, if a number of the plant is off by a factor:",
                         (unsigned long long)starts);
     app_result_rows(out, "robustness");
-    for (const number *row = t.rows; row < t.rows + t.count; row++)
-        for (size_t k = 0; k < LG_COUNT(usual) - (row->lag ? 0 : 2); k++)
-            APP_OBJECT(out, NULL, LG_AS_TEXT("name", row->name), LG_AS_REAL("factor", usual[k]),
-                       LG_AS_REAL("success", changed_success(&t, row, usual[k], policy, starts)));
+    for (size_t i = 0; i < t.count; i++)
+        for (size_t k = 0; k < LG_COUNT(usual) - (t.rows[i].lag ? 0 : 2); k++)
+            APP_OBJECT(out, NULL, LG_AS_TEXT("name", t.rows[i].name), LG_AS_REAL("factor", usual[k]),
+                       LG_AS_REAL("success", changed_success(&t, &t.rows[i], usual[k], policy, starts)));
     app_result_rows_end(out);
 }

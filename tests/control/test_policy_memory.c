@@ -258,12 +258,67 @@ static lg_program *mixed(const lg_program *own, const lg_program *other, const c
     return out;
 }
 
+static const char task[] =
+    "plant: cart\nperiod: 0.1\nhorizon: 3\nstarts: {x: [-0.5, 0.5]}\nlimits: {u: [-3, 1], w: 2}\n"
+    "cost: {x: 1, v: 0.1, u: 0.01, w: 0.01}\nsuccess: {x: 0.1, hold: 1, within: 8}\ncontroller: {kind: "
+    "lqr}\nintegral: [x]\n";
+
+/* Exchanges operations that follow each other and do not depend on each other, where the next pair begins
+ * behind them. Returns how many pairs were exchanged. `places`: memory for all inputs. */
+static size_t exchange(lg_function_image *image, uint32_t *places) {
+    size_t pairs = 0;
+    const size_t n = image->operation_count;
+    uint32_t place[4096];
+    assert_true(n <= LG_COUNT(place));
+    for (uint32_t i = 0; i < n; i++) place[i] = i;
+    for (size_t i = 0; i + 1 < n; i++) {
+        const lg_operation first = image->operations[i], next = image->operations[i + 1];
+        bool free = strcmp(first.name, "input") != 0 && strcmp(next.name, "input") != 0;
+        for (uint32_t k = 0; k < next.input_count; k++) free = free && next.inputs[k] != i;
+        if (!free) continue;
+        image->operations[i] = next, image->operations[i + 1] = first;
+        place[i] = (uint32_t)i + 1, place[i + 1] = (uint32_t)i;
+        pairs++, i++;
+    }
+    for (size_t i = 0; i < n; i++) {
+        lg_operation *o = &image->operations[i];
+        for (uint32_t k = 0; k < o->input_count; k++) places[k] = place[o->inputs[k]];
+        o->inputs = places, places += o->input_count;
+    }
+    for (size_t k = 0; n > 0 && k < image->output_count; k++) places[k] = place[image->results[k]];
+    if (n > 0) image->results = places;
+    return pairs;
+}
+
+TEST("a file is accepted whose operations are in another order, as another compiler records them") {
+    const char *const path = "test_policy_order.h5";
+    const double late[INPUTS] = {1.5, 0};
+    lg_policy *p = make_cart(late, true), *read;
+    lg_error error = {LG_OK, ""};
+    lg_program *own = p->program, *other;
+    lg_program_spec spec;
+    size_t pairs = 0;
+    lg_program_spec_init(&spec);
+    assert_ok(lg_program_begin(NULL, &spec, &other, NULL));
+    for (size_t f = 0; f < lg_program_functions(own); f++) {
+        uint32_t places[16384];
+        lg_function_image *image;
+        assert_ok(lg_function_image_create(own, f, &image));
+        pairs += exchange(image, places);
+        assert_ok(lg_program_add_image(other, image, &error));
+        lg_function_image_destroy(image);
+    }
+    assert_true(pairs > 10);
+    p->program = other;
+    assert_ok(lg_policy_save(NULL, path, p, task, NULL, NULL));
+    p->program = own;
+    lg_program_destroy(other);
+    if (lg_policy_load(NULL, path, NULL, &read, NULL, &error) != LG_OK) fail_msg("%s", error.message);
+    lg_policy_destroy(read);
+}
+
 TEST("a file in which one of the functions was changed is not accepted") {
     static const char *const changed[] = {"control", "policy", "closed", "regulated"};
-    static const char task[] =
-        "plant: cart\nperiod: 0.1\nhorizon: 3\nstarts: {x: [-0.5, 0.5]}\nlimits: {u: [-3, 1], w: 2}\n"
-        "cost: {x: 1, v: 0.1, u: 0.01, w: 0.01}\nsuccess: {x: 0.1, hold: 1, within: 8}\ncontroller: {kind: "
-        "lqr}\nintegral: [x]\n";
     const char *const path = "test_policy_changed.h5";
     const double late[INPUTS] = {1.5, 0};
     lg_policy_task wider = cart_with(late, true);
