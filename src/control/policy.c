@@ -411,8 +411,8 @@ static bool pair(uint32_t *partner, uint32_t of, uint32_t is) {
     return partner[of] == is;
 }
 
-/* Puts the operations of `is` in the order of `expected`: arguments of a call are recorded in the order that the
- * compiler chooses. Leaves `is` as it was if the graphs of the operations differ. */
+/* Puts the operations of `is` in the order of `expected`: arguments of a call are recorded in the order that
+ * the compiler chooses. Leaves `is` as it was if the graphs of the operations differ. */
 static lg_status put_in_order(const lg_context *context, lg_function_image *is,
                               const lg_function_image *expected) {
     const size_t n = expected->operation_count;
