@@ -55,8 +55,7 @@ static void list_numbers(table *t) {
     t->identified = theta != NULL ? lg_machine_numbers(machine, theta, 0, NULL) : 0;
     t->rows = app_keep(LG_MACHINE_PARAMETERS + LG_MACHINE_TERMS * (LG_MACHINE_VALUES + 1) + t->identified,
                        sizeof *t->rows);
-    const lg_parameter_entry *entry =
-        machine->grey.system != NULL ? lg_grey_system_parameters(machine->grey.system) : NULL;
+    const lg_parameter_entry *entry = machine->grey.system != NULL ? machine->grey.system->parameters : NULL;
     for (; entry != NULL && entry->key != NULL; entry++) {
         const uint32_t count = entry->count > 0 ? (uint32_t)entry->count : machine->coordinate_count;
         for (uint32_t k = 0; k < count && at < machine->grey.count; k++, at++) {

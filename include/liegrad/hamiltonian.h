@@ -122,7 +122,10 @@ typedef struct lg_hamiltonian_vars {
  * description. lg_hamiltonian_init also takes a family of the caller, but files refer to the families of
  * the table (src/hamiltonian/families.c) by name. In the functions below, y, gradients and algebra
  * elements are arrays of the space's parts (liegrad/taped.h), in scaled units. The functions record on
- * `tape`, and their errors stick to it. */
+ * `tape`, and their errors stick to it. The field of each pair of parts follows from dH/dy: on R^n
+ * x' = dH/dp, p' = -dH/dx; on T*S^2 as in a chain; on T*SO(3) R' = hat(omega) R and
+ * pi' = omega x pi - sum_j r_j x dH/dr_j with the columns r_j of R. An input (B, forces n) is added to the
+ * change of the momenta. */
 typedef struct lg_hamiltonian_array {
     const char *name; /* Its name in files, below /model, such as "mass/gamma". */
     uint32_t rank;    /* Shape: 1 for (m), 2 for (m, m) with m = each * n; 0 ends the list. */
@@ -177,17 +180,13 @@ struct lg_hamiltonian_family {
      * schemes. NULL: `gradient` is used. */
     void (*gradient_on_manifold)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y,
                                  lg_var *out);
-    /* Records the field, an algebra element, from dH/dy. `input` is (B, forces n) or LG_NONE. */
-    void (*field)(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *gradient,
-                  lg_var input, lg_var *algebra);
     /* For variational steps: records K (1, N, N), constant in y, and z' (B, N) with the kinetic energy 1/2
      * z'.K z', where z has the positions of all parts one after the other. NULL: no variational steps. */
     void (*ambient)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *K, lg_var *rate);
-    /* Records y' for schemes that leave the manifold. NULL: y' is the generator of `field` at y. */
+    /* Records y' for schemes that leave the manifold. NULL: y' is the generator of the field at y. */
     void (*velocity)(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out);
-    /* For separable systems and splitting schemes: `force` records -dH/dq + input from q, `drift` records
-     * dH/dp from p. Both are set or both are NULL. */
-    lg_var (*force)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input);
+    /* For separable systems, H = K(p) + V(q), and their splitting schemes: records dH/dp from p. NULL: the
+     * family is not separable. */
     lg_var (*drift)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p);
     /* Whether trajectories of this system can be learned; *n becomes the n of the model. */
     bool (*learns)(const lg_system *system, size_t *n);

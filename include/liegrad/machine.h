@@ -79,15 +79,6 @@ LG_BEGIN_DECLS
 
 /* ---- Coordinates ---- */
 
-typedef enum lg_coordinate_kind {
-    LG_COORDINATE_LINE,
-    LG_COORDINATE_ANGLE,
-    LG_COORDINATE_DIRECTION,
-    LG_COORDINATE_ROTATION,
-    LG_COORDINATE_POSE
-} lg_coordinate_kind;
-#define LG_COORDINATE_KIND_COUNT 5
-
 /* What the library knows about one kind of coordinate. A position in a log has `places` numbers on R^n,
  * then 3 numbers per direction or 9 numbers (R row-major) per rotation. */
 typedef struct lg_coordinate_row {
@@ -194,18 +185,8 @@ typedef struct lg_machine_term {
 
 /* ---- Machines of a named system: formulas with parameters give M and V ---- */
 
-/* An entry of the table of systems; docs/machines.md lists them. */
-typedef struct lg_grey_system lg_grey_system;
-LG_API const lg_grey_system *lg_grey_system_at(size_t index);         /* NULL beyond the last. */
-LG_API const char *lg_grey_system_name(const lg_grey_system *system); /* Its name in machine files. */
-/* The system's parameters: a list that ends with a NULL key. It is that of lg_system_parameters, except
- * for systems that liegrad/mechanics.h does not have, which have their own list. */
-LG_API const lg_parameter_entry *lg_grey_system_parameters(const lg_grey_system *system);
-/* lg_grey_system_coordinate returns the kind that coordinate `index` of a machine of this system must
- * have. lg_grey_system_coordinates returns how many coordinates the machine must have; 0 means any number
- * from 1 on. */
-LG_API lg_coordinate_kind lg_grey_system_coordinate(const lg_grey_system *system, uint32_t index);
-LG_API uint32_t lg_grey_system_coordinates(const lg_grey_system *system);
+/* The systems of machines, a row each (docs/machines.md); NULL beyond the last. */
+LG_API const lg_energy_row *lg_grey_system_at(size_t index);
 
 /* The named system of a machine, with all numbers of its parameters in the order of the table and in the
  * units of the log. For an unknown number, `start` is where learning begins. For unknown numbers theta
@@ -213,7 +194,7 @@ LG_API uint32_t lg_grey_system_coordinates(const lg_grey_system *system);
  * the largest |start| of the parameter (1 where all are 0); and for a unit vector the two numbers of a
  * rotation of the start about axes across it, in radians. */
 typedef struct lg_machine_grey {
-    const lg_grey_system *system; /* Static; NULL: the machine has no named system. */
+    const lg_energy_row *system; /* Static; NULL: the machine has no named system. */
     uint32_t count;
     double start[LG_MACHINE_PARAMETERS]; /* A number that is NaN must still be given. */
     bool unknown[LG_MACHINE_PARAMETERS];

@@ -200,6 +200,44 @@ typedef struct lg_system_taped_user {
 LG_API lg_status lg_system_taped_ode(const lg_system *system, lg_coordinates coordinates, lg_var parameters,
                                      lg_taped_ode *ode, lg_system_taped_user *user);
 
+/* ---- Mass matrix and potential of a system, as formulas on a tape ----
+ *
+ * The kinetic energy of a system is 1/2 v^T M(q) v, its potential energy V(q). The velocity of a line or an
+ * angle is x', of a direction q', of a rotation the angular velocity in the body. */
+
+typedef enum lg_coordinate_kind {
+    LG_COORDINATE_LINE,
+    LG_COORDINATE_ANGLE,
+    LG_COORDINATE_DIRECTION,
+    LG_COORDINATE_ROTATION,
+    LG_COORDINATE_POSE
+} lg_coordinate_kind;
+#define LG_COORDINATE_KIND_COUNT 5
+
+/* What M and V depend on, for B states in the units of the parameters. */
+typedef struct lg_at {
+    uint32_t rows;     /* B */
+    uint32_t size;     /* n: rows of M */
+    lg_var parameters; /* (P), in the order of the row's table. */
+    /* The positions, a variable for each factor: lines and angles (B, n), directions (B, n, 3), rotations
+     * (B, 1, 9). NULL for a mass matrix that does not depend on them. */
+    const lg_var *state;
+} lg_at;
+
+/* A system as a row of formulas. Constant and static. */
+typedef struct lg_energy_row {
+    const char *name;
+    const lg_parameter_entry *parameters; /* The list ends with a NULL key. */
+    /* Records M, (B, n, n) or (1, n, n) for n velocities, (1, n, n) for n directions: M_ij I_3 couples the
+     * velocities of two directions. */
+    lg_var (*mass)(lg_tape *tape, const lg_at *at);
+    lg_var (*potential)(lg_tape *tape, const lg_at *at); /* Records V (B, 1). NULL: V = 0. */
+    uint32_t count; /* Number of coordinates; 0: any number, all of kind coordinates[0]. */
+    lg_coordinate_kind coordinates[2];
+    unsigned seen; /* Bit i: M or V depends on coordinate i. */
+    bool moving;   /* Whether M depends on the positions. */
+} lg_energy_row;
+
 /* ---- Parts of a chain (LG_UNSUPPORTED for other systems) ---- */
 
 /* Writes the constant matrix m (k, k), row-major: m_ij = mu_max(i,j) L_i L_j with mu_i = sum_{l >= i} m_l,

@@ -137,8 +137,7 @@ static lg_var mass_matrix(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var
 static lg_var inverse_at_unit(lg_tape *tape, const lg_hamiltonian_vars *vars, const counts *c) {
     const double unit[MOST_AMBIENT] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
     const lg_var A = motion_matrix(tape, vars, c, constant(tape, 1, c->ambient, unit));
-    const lg_var inverse =
-        lg_spd_solve(tape, mass_matrix(tape, vars, A), lg_hamiltonian_record_unit(tape, c->rates));
+    const lg_var inverse = lg_spd_solve(tape, mass_matrix(tape, vars, A), lg_unit_matrix(tape, c->rates));
     return lg_reshape(tape, inverse, lg_shape2(c->rates, c->rates));
 }
 
@@ -294,48 +293,6 @@ static void ambient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var
     *rate = lg_reshape(tape, lg_matmul(tape, s.A, s.w), lg_var_shape(tape, z));
 }
 
-/* ---- field ---- */
-
-/* The force on a part plus the numbers of the input that belong to it. The numbers before *from belong to
- * earlier parts. */
-static lg_var pushed(lg_tape *tape, lg_var force, lg_var input, uint32_t *from) {
-    const uint32_t width = lg_hamiltonian_width(tape, force);
-    if (lg_is_none(input)) return force;
-    lg_var own = lg_slice(tape, input, 1, *from, width);
-    *from += width;
-    return lg_add(tape, force, lg_reshape(tape, own, lg_var_shape(tape, force)));
-}
-
-static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input,
-                  lg_var *algebra) {
-    const counts c = counts_of(model->family, model->n);
-    uint32_t from = 0;
-    if (!lg_is_none(input)) {
-        /* Checks the shape of the input. */
-        const lg_var like = lg_hamiltonian_joined(tape, model->family, y, 1);
-        input = lg_hamiltonian_input_like(tape, input, like);
-    }
-    if (c.rotations > 0) {
-        const lg_shape flat = lg_var_shape(tape, y[1]), tall = lg_shape3(flat.dims[0], c.rotations, 3);
-        lg_var carried = lg_cross(tape, lg_reshape(tape, dH[1], tall), lg_reshape(tape, y[1], tall));
-        lg_var torque =
-            lg_add(tape, lg_hamiltonian_columns_crossed(tape, dH[0], y[0]), lg_reshape(tape, carried, flat));
-        algebra[0] = lg_reshape(tape, dH[1], tall);
-        algebra[1] = pushed(tape, torque, input, &from);
-        algebra += 2, y += 2, dH += 2;
-    }
-    if (c.directions > 0) {
-        lg_var eta = lg_add(tape, lg_cross(tape, dH[0], y[0]), lg_cross(tape, dH[1], y[1]));
-        algebra[0] = lg_cross(tape, y[0], dH[1]);
-        algebra[1] = pushed(tape, eta, input, &from);
-        algebra += 2, y += 2, dH += 2;
-    }
-    if (c.lines > 0) {
-        algebra[0] = dH[1];
-        algebra[1] = pushed(tape, lg_neg(tape, dH[0]), input, &from);
-    }
-}
-
 /* ---- rows ---- */
 
 static bool is_one_of(const lg_system *system, const char *const *names) {
@@ -363,8 +320,7 @@ static bool learns_satellite(const lg_system *system, size_t *n) {
     .arrays = {{"mass/gamma", 2, 3 * (c) + (k) + (l)},                                                       \
                {"mass/b", 1, 3 * (c) + (k) + (l)},                                                           \
                {"mass/axis", (l) > 0 ? 1 : 0, 3 * (l)}},                                                     \
-    .usable = usable, .bind = bind, .energy = energy, .gradient = gradient, .field = field,                  \
-    .ambient = ambient
+    .usable = usable, .bind = bind, .energy = energy, .gradient = gradient, .ambient = ambient
 
 #define ROTATION  "R^T R = I"
 #define DIRECTION "|q| = 1 and q.p = 0"

@@ -30,7 +30,7 @@ lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, 
 
 void lg_hamiltonian_bind_mass(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars) {
     const uint32_t n = vars->model->n;
-    lg_var unit = lg_hamiltonian_record_unit(tape, n);
+    lg_var unit = lg_unit_matrix(tape, n);
     lg_var m = lg_hamiltonian_record_gram(tape, n, arrays[0], arrays[1]);
     vars->kinetic[M] = m;
     vars->kinetic[W] = lg_spd_solve(tape, m, unit);
@@ -88,20 +88,10 @@ static void ambient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var
 
 /* ---- fields ---- */
 
-static void field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y, const lg_var *dH, lg_var input,
-                  lg_var *algebra) {
-    const lg_var g = dH[0], v = dH[1];
-    lg_var xi = lg_cross(tape, y[0], v);
-    lg_var eta = lg_add(tape, lg_cross(tape, g, y[0]), lg_cross(tape, v, y[1]));
-    if (!lg_is_none(input)) eta = lg_add(tape, eta, lg_hamiltonian_input_like(tape, input, eta));
-    algebra[0] = xi;
-    algebra[1] = eta;
-}
-
 /* The extension of T off the manifold, 1/2 p^T W p + 1/2 u^T S^-1 r, summed over the batch. */
 static lg_var extended_kinetic(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var p) {
     const lg_var w = vars->kinetic[W], inverse_mii = vars->kinetic[INVERSE_MII];
-    const lg_var unit = lg_hamiltonian_record_unit(tape, vars->model->n);
+    const lg_var unit = lg_unit_matrix(tape, vars->model->n);
     lg_var wp = lg_matmul(tape, w, p);
     lg_var u = lg_rowdot(tape, q, wp);
     lg_var gap = lg_add_scalar(tape, lg_neg(tape, lg_rownorm2(tape, q)), 1.0);
@@ -172,7 +162,6 @@ const lg_hamiltonian_family lg_hamiltonian_chain = {
     .energy = energy,
     .gradient = gradient,
     .gradient_on_manifold = gradient_on_manifold,
-    .field = field,
     .ambient = ambient,
     .velocity = velocity,
     .learns = learns,

@@ -47,6 +47,5 @@ const lg_hamiltonian_family lg_hamiltonian_constrained = {
     .bind = lg_hamiltonian_bind_mass,
     .energy = energy,
     .gradient = gradient,
-    .field = lg_hamiltonian_canonical_field,
     .constrained = true,
 };

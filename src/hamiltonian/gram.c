@@ -22,13 +22,6 @@ bool lg_hamiltonian_gram_usable(size_t n, const double *arrays) {
     return usable;
 }
 
-lg_var lg_hamiltonian_record_unit(lg_tape *tape, uint32_t n) {
-    double unit[LG_HAMILTONIAN_AMBIENT * LG_HAMILTONIAN_AMBIENT];
-    for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = 0; j < n; j++) unit[i * n + j] = i == j;
-    return lg_input_f64(tape, lg_shape3(1, n, n), unit);
-}
-
 /* U m U^T repeats each number of m in a block of 3 by 3, of which the diagonal is kept. */
 lg_var lg_hamiltonian_record_blocks(lg_tape *tape, uint32_t n, lg_var m) {
     double repeat[LG_HAMILTONIAN_AMBIENT * LG_HAMILTONIAN_MAX_COPIES];
@@ -44,7 +37,7 @@ lg_var lg_hamiltonian_record_blocks(lg_tape *tape, uint32_t n, lg_var m) {
 }
 
 lg_var lg_hamiltonian_record_gram(lg_tape *tape, uint32_t n, lg_var gamma, lg_var b) {
-    lg_var diagonal = lg_reshape(tape, b, lg_shape3(1, 1, n)), unit = lg_hamiltonian_record_unit(tape, n);
+    lg_var diagonal = lg_reshape(tape, b, lg_shape3(1, 1, n)), unit = lg_unit_matrix(tape, n);
     lg_var square = lg_reshape(tape, lg_matmul_tn(tape, gamma, gamma), lg_shape3(1, n, n));
     return lg_add(tape, square, lg_mul(tape, unit, lg_act(tape, diagonal, LG_RELU)));
 }

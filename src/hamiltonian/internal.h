@@ -4,7 +4,7 @@
 #define LG_HAMILTONIAN_INTERNAL_H
 
 #include "liegrad/hamiltonian.h"
-#include "liegrad/ops.h"
+#include "mechanics/engine.h"
 
 /* The table of families: X(name) stands for the row lg_hamiltonian_<name>. Data that do not name their system
  * are assigned to the first family that they fit. */
@@ -43,8 +43,6 @@ bool lg_hamiltonian_gram_usable(size_t n, const double *arrays);
 lg_var lg_hamiltonian_record_gram(lg_tape *tape, uint32_t n, lg_var gamma, lg_var b);
 /* The matrix (3 n, 3 n) with the blocks m_ij I; m is (1, n, n). */
 lg_var lg_hamiltonian_record_blocks(lg_tape *tape, uint32_t n, lg_var m);
-/* The unit matrix (1, n, n), n <= LG_HAMILTONIAN_AMBIENT. */
-lg_var lg_hamiltonian_record_unit(lg_tape *tape, uint32_t n);
 
 /* x times `by`; for 1 it is x itself, without an operation. */
 static inline lg_var lg_hamiltonian_scaled(lg_tape *tape, lg_var x, double by) {
@@ -53,7 +51,7 @@ static inline lg_var lg_hamiltonian_scaled(lg_tape *tape, lg_var x, double by) {
 /* The scale of energy, E: H in the units of the data is E times H inside. */
 double lg_hamiltonian_energy_scale(const lg_hamiltonian *model);
 /* The force -dH/dq + input, and the drift dH/dp. Arguments and results are in the units of the data, in
- * contrast to the family's functions force and drift. */
+ * contrast to the family's function drift. */
 lg_var lg_hamiltonian_record_force(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input);
 lg_var lg_hamiltonian_record_drift(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p);
 
@@ -71,8 +69,6 @@ uint32_t lg_hamiltonian_width(lg_tape *tape, lg_var part);
 lg_var lg_hamiltonian_joined(lg_tape *tape, const lg_hamiltonian_family *family, const lg_var *y, size_t odd);
 void lg_hamiltonian_cut(lg_tape *tape, const lg_hamiltonian_family *family, const lg_var *y, lg_var x,
                         size_t odd, lg_var *out);
-/* sum_j a_j x b_j over the columns of matrices a and b (B, c, 9), as (B, 3 c). */
-lg_var lg_hamiltonian_columns_crossed(lg_tape *tape, lg_var a, lg_var b);
 /* One step of LG_SCHEME_VARIATIONAL of size h, inside and without input; out may be y. For families with
  * `ambient`. */
 lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_vars *vars, double h,
@@ -86,9 +82,6 @@ void lg_hamiltonian_record_algebra(lg_tape *tape, const lg_hamiltonian *model, d
  * definite, 1/m_ii (1, n, 1), and m (1, n, n). */
 bool lg_hamiltonian_usable_mass(const lg_hamiltonian_family *family, uint32_t n, const double *arrays);
 void lg_hamiltonian_bind_mass(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars);
-/* q' = dH/dp, p' = -dH/dq + input of the parts q and p. */
-void lg_hamiltonian_canonical_field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y,
-                                    const lg_var *dH, lg_var input, lg_var *out);
 
 /* The equation that training integrates by `scheme`, inside. For Lie group schemes it lives
  * on the manifold, for other schemes on R^d, split into parts like `start`. `vars` must outlive the use of

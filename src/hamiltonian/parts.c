@@ -28,11 +28,3 @@ void lg_hamiltonian_cut(lg_tape *tape, const lg_hamiltonian_family *family, cons
         from += width;
     }
 }
-
-lg_var lg_hamiltonian_columns_crossed(lg_tape *tape, lg_var a, lg_var b) {
-    const uint32_t rows = lg_var_shape(tape, a).dims[0], c = lg_var_shape(tape, a).dims[1];
-    const lg_shape matrices = lg_shape3(rows * c, 3, 3);
-    lg_var each = lg_cross(tape, lg_transpose(tape, lg_reshape(tape, a, matrices)),
-                           lg_transpose(tape, lg_reshape(tape, b, matrices)));
-    return lg_reshape(tape, lg_sum_axis(tape, each, 1, false), lg_shape2(rows, 3 * c));
-}

@@ -65,11 +65,9 @@ static lg_status mass(void *user, lg_tape *tape, const lg_var *theta, const lg_v
     const lg_hamiltonian *model = ((const recording *)user)->model;
     const lg_hamiltonian_scales *scales = &model->scales;
     const uint32_t n = model->n;
-    double unit[LG_HAMILTONIAN_MAX_COPIES * LG_HAMILTONIAN_MAX_COPIES] = {0.0};
     lg_hamiltonian_vars vars;
-    for (uint32_t i = 0; i < n; i++) unit[i * n + i] = 1.0;
     LG_TRY(lg_hamiltonian_bind(tape, model, theta[0], &vars));
-    const lg_var M = lg_spd_solve(tape, vars.kinetic[0], lg_input_f64(tape, lg_shape3(1, n, n), unit));
+    const lg_var M = lg_spd_solve(tape, vars.kinetic[0], lg_unit_matrix(tape, n));
     y[0] = lg_hamiltonian_scaled(tape, lg_reshape(tape, M, lg_shape2(n, n)),
                                  scales->part[1] * scales->time / scales->part[0]);
     return lg_tape_status(tape);
@@ -89,7 +87,7 @@ static lg_status build(const lg_context *context, recording *r, const double *th
                                                   {"grad", in, 1, energy, 2, gradient, r},
                                                   {"field", in, inputs, &rate, 1, field, r}};
     size_t count = 3;
-    if (model->family->force != NULL) {
+    if (model->family->drift != NULL) {
         functions[count++] = (lg_function_spec){"force", half, 2, &rate, 1, force, r};
         functions[count++] = (lg_function_spec){"drift", half, 1, &rate, 1, drift, r};
     }

@@ -123,6 +123,14 @@ lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part) {
     return lg_reshape(tape, input, shape);
 }
 
+static lg_var pushed(lg_tape *tape, lg_var force, lg_var input) {
+    return lg_is_none(input) ? force : lg_add(tape, force, lg_hamiltonian_input_like(tape, input, force));
+}
+
+static lg_var force_inside(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input) {
+    return pushed(tape, lg_neg(tape, lg_hamiltonian_potential_gradient(tape, vars, q)), input);
+}
+
 /* ---- functions of the parts of a state ---- */
 
 static void gradient_inside(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
@@ -148,10 +156,30 @@ static void gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const
         out[i] = lg_hamiltonian_scaled(tape, out[i], energy / model->scales.part[i]);
 }
 
+/* The brackets of all pairs of parts, with the numbers of the input that belong to each. The operations stand
+ * in the order in which saved models have them. */
+static void free_field(lg_tape *tape, const lg_hamiltonian *model, const lg_var *y, const lg_var *dH,
+                       lg_var input, lg_var *out) {
+    const lg_hamiltonian_family *family = model->family;
+    const bool bodies = family->bodies.rotations + family->bodies.directions > 0;
+    uint32_t from = 0;
+    if (bodies && !lg_is_none(input))
+        input = lg_hamiltonian_input_like(tape, input, lg_hamiltonian_joined(tape, family, y, 1));
+    for (size_t i = 0; family->layout[i] != NULL; i += 2) {
+        if (!bodies) out[i] = lg_bracket_rate(tape, y + i, dH + i);
+        lg_var change = lg_bracket_change(tape, y + i, dH + i), own = input;
+        if (bodies) out[i] = lg_bracket_rate(tape, y + i, dH + i);
+        const uint32_t width = lg_hamiltonian_width(tape, change);
+        if (bodies && !lg_is_none(input)) own = lg_slice(tape, input, 1, from, width);
+        out[i + 1] = pushed(tape, change, own);
+        from += width;
+    }
+}
+
 void lg_hamiltonian_record_algebra(lg_tape *tape, const lg_hamiltonian *model, double unit, const lg_var *y,
                                    const lg_var *dH, lg_var input, lg_var *out) {
     if (model->constraint == NULL) {
-        model->family->field(model, tape, y, dH, input, out);
+        free_field(tape, model, y, dH, input, out);
         return;
     }
     const lg_var force = lg_is_none(input) ? input : lg_hamiltonian_input_like(tape, input, y[1]);
@@ -182,7 +210,7 @@ lg_var lg_hamiltonian_record_force(lg_tape *tape, const lg_hamiltonian_vars *var
     const double unit = lg_hamiltonian_energy_scale(model) / model->scales.part[0];
     if (!lg_is_none(input)) input = lg_hamiltonian_scaled(tape, input, 1.0 / unit);
     inside(tape, model, 1, &q, &q);
-    return lg_hamiltonian_scaled(tape, model->family->force(tape, vars, q, input), unit);
+    return lg_hamiltonian_scaled(tape, force_inside(tape, vars, q, input), unit);
 }
 
 lg_var lg_hamiltonian_record_drift(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p) {
@@ -249,7 +277,7 @@ static lg_status inner_field(void *user, lg_tape *tape, lg_taped_time t, const l
 static lg_status inner_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
                              lg_var *out) {
     const lg_hamiltonian_vars *vars = user;
-    *out = vars->model->family->force(tape, vars, q, input);
+    *out = force_inside(tape, vars, q, input);
     return lg_tape_status(tape);
 }
 
@@ -275,7 +303,7 @@ lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, 
     *ode = (lg_taped_ode){.field = inner_field,
                           .user = vars,
                           .space = lg_hamiltonian_space_of(vars->model->family, vars->model->n)};
-    if (vars->model->family->force != NULL) ode->force = inner_force, ode->velocity = inner_drift;
+    if (vars->model->family->drift != NULL) ode->force = inner_force, ode->velocity = inner_drift;
     if (lg_space_is_abelian(&ode->space) || !scheme->ambient) return LG_OK;
     const size_t parts = lg_taped_parts(&ode->space);
     for (size_t i = 0; i < parts; i++)

@@ -22,16 +22,6 @@ static lg_var drift(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p) {
     return lg_matmul(tape, p, vars->kinetic[K]);
 }
 
-/* -slope + input */
-static lg_var pushed(lg_tape *tape, lg_var slope, lg_var input) {
-    const lg_var out = lg_neg(tape, slope);
-    return lg_is_none(input) ? out : lg_add(tape, out, lg_hamiltonian_input_like(tape, input, out));
-}
-
-static lg_var force(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input) {
-    return pushed(tape, lg_hamiltonian_potential_gradient(tape, vars, q), input);
-}
-
 static lg_var energy(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
     lg_var twice = lg_rowdot(tape, y[1], drift(tape, vars, y[1]));
     return lg_add(tape, lg_scale(tape, twice, 0.5), lg_hamiltonian_potential(tape, vars, y[0]));
@@ -40,12 +30,6 @@ static lg_var energy(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_va
 static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
     out[0] = lg_hamiltonian_potential_gradient(tape, vars, y[0]);
     out[1] = drift(tape, vars, y[1]);
-}
-
-void lg_hamiltonian_canonical_field(const lg_hamiltonian *model, lg_tape *tape, const lg_var *y,
-                                    const lg_var *dH, lg_var input, lg_var *out) {
-    out[1] = pushed(tape, dH[0], input);
-    out[0] = dH[1];
 }
 
 static bool learns(const lg_system *system, size_t *n) {
@@ -74,8 +58,6 @@ const lg_hamiltonian_family lg_hamiltonian_separable = {
     .bind = bind,
     .energy = energy,
     .gradient = gradient,
-    .field = lg_hamiltonian_canonical_field,
-    .force = force,
     .drift = drift,
     .learns = learns,
 };

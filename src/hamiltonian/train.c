@@ -283,7 +283,7 @@ static lg_status check_scheme(const lg_hamiltonian *model, const lg_scheme *sche
             "%s steps are for families on a manifold, not for family %s: take stormer-verlet, which "
             "is symplectic, too",
             scheme->name, family->name);
-    if (scheme->kind == LG_SCHEME_SPLITTING && family->force == NULL)
+    if (scheme->kind == LG_SCHEME_SPLITTING && family->drift == NULL)
         return lg_fail(error, LG_UNSUPPORTED,
                        "%s needs a separable Hamiltonian; the Hamiltonian of family %s is not separable",
                        scheme->name, family->name);

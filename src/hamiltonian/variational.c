@@ -79,7 +79,7 @@ static lg_var across_rotation(lg_tape *tape, lg_var R, lg_var nu) {
 }
 
 static const manifold_row flat = {0}, sphere = {1, off_sphere, across_sphere, along_sphere},
-                          rotation = {6, off_rotation, across_rotation, lg_hamiltonian_columns_crossed};
+                          rotation = {6, off_rotation, across_rotation, lg_columns_crossed};
 
 static const manifold_row *row_of(lg_tape *tape, lg_var x) {
     const lg_shape shape = lg_var_shape(tape, x);
@@ -160,7 +160,7 @@ lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_va
     const uint32_t N = lg_var_shape(tape, rate).dims[1], rows = lg_var_shape(tape, rate).dims[0];
     const lg_var z = lg_hamiltonian_joined(tape, family, y, 0);
     step s = {.family = family, .y = y};
-    s.W = lg_spd_solve(tape, K, lg_hamiltonian_record_unit(tape, N));
+    s.W = lg_spd_solve(tape, K, lg_unit_matrix(tape, N));
     s.W = lg_reshape(tape, s.W, lg_shape2(N, N));
     lg_var P = lg_matmul(tape, rate, lg_reshape(tape, K, lg_shape2(N, N)));
     P = lg_taped_moved(tape, P, -0.5 * h, lg_hamiltonian_potential_gradient(tape, vars, z));

@@ -132,6 +132,13 @@ lg_var lg_machine_record_features(lg_tape *tape, const lg_machine *machine, cons
     return count == 1 ? all[0] : lg_concat(tape, all, count, 1);
 }
 
+lg_var lg_machine_record_network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                                 const lg_machine_seen *seen) {
+    const lg_machine_term *own = &vars->machine->terms[term];
+    const lg_var x = lg_machine_record_features(tape, vars->machine, own, seen);
+    return lg_mlp_record_bound(tape, &own->net, &vars->net[term], x);
+}
+
 /* ---- monomials ---- */
 
 /* Appends the monomials that begin with factors[0 .. degree - 1]. The indices of further factors do not
@@ -174,12 +181,6 @@ lg_var lg_machine_record_monomials(lg_tape *tape, const lg_monomials *monomials,
 }
 
 /* ---- matrices ---- */
-
-lg_var lg_machine_unit_matrix(lg_tape *tape, uint32_t n) {
-    double unit[LG_MACHINE_VALUES] = {0.0};
-    for (uint32_t i = 0; i < n; i++) unit[i * n + i] = 1.0;
-    return lg_input_f64(tape, lg_shape3(1, n, n), unit);
-}
 
 void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
     fits[0] = machine->velocities;

@@ -43,21 +43,6 @@ static lg_var known_damping(lg_tape *tape, const lg_machine_vars *vars, uint32_t
     return lg_neg(tape, lg_matmul_nt(tape, seen->v, lg_reshape(tape, D, lg_shape2(n, n))));
 }
 
-/* A value of a known damping. */
-static void damping_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
-                          lg_entry_about *out) {
-    const uint32_t n = machine->velocities;
-    const bool line = term->value_count != n * n;
-    const uint32_t i = line ? index : index / n, j = line ? index : index % n;
-    char name[48];
-    *out = (lg_entry_about){.unit = lg_machine_drag_unit(machine, i, j, 1),
-                            .start = START * START,
-                            .positive = true,
-                            .single = i == j};
-    lg_machine_velocity_name(machine, i, name, sizeof name);
-    (void)snprintf(out->name, sizeof out->name, "damping.%s", name);
-}
-
 static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                        const lg_machine_seen *seen) {
     return drag(tape, lg_machine_record_drag(tape, vars, term, 1), seen->v);
@@ -84,16 +69,11 @@ static uint32_t triangle_outputs(const lg_machine *machine) {
     return lg_triangle(machine->velocities);
 }
 
-static lg_var net_of(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
-    const lg_machine_term *own = &vars->machine->terms[term];
-    const lg_var x = lg_machine_record_features(tape, vars->machine, own, seen);
-    return lg_mlp_record_bound(tape, &own->net, &vars->net[term], x);
-}
-
 static lg_var damping_network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                               const lg_machine_seen *seen) {
     const uint32_t n = vars->machine->velocities, rows = seen->rows;
-    const lg_var L = lg_machine_record_triangle(tape, net_of(tape, vars, term, seen), n, false);
+    const lg_var L =
+        lg_machine_record_triangle(tape, lg_machine_record_network(tape, vars, term, seen), n, false);
     const lg_var v = lg_reshape(tape, seen->v, lg_shape3(rows, n, 1));
     const lg_var f = lg_matmul(tape, L, lg_matmul_tn(tape, L, v));
     return lg_neg(tape, lg_reshape(tape, f, lg_shape2(rows, n)));
@@ -108,6 +88,17 @@ static void drag_entry(const lg_machine *machine, const char *what, int power, u
                             .single = true};
     lg_machine_velocity_name(machine, index, name, sizeof name);
     (void)snprintf(out->name, sizeof out->name, "%s.%s", what, name);
+}
+
+/* A value of a known damping. */
+static void damping_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
+                          lg_entry_about *out) {
+    const uint32_t n = machine->velocities;
+    const bool line = term->value_count != n * n;
+    const uint32_t i = line ? index : index / n, j = line ? index : index % n;
+    drag_entry(machine, "damping", 1, i, out);
+    out->unit = lg_machine_drag_unit(machine, i, j, 1);
+    out->single = i == j;
 }
 
 #define DRAG_ENTRY(name, power)                                                                              \
@@ -199,7 +190,8 @@ static lg_var constant_map(lg_tape *tape, const lg_machine_vars *vars, uint32_t 
 static lg_var map_network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                           const lg_machine_seen *seen) {
     const uint32_t n = vars->machine->velocities, m = vars->machine->input_count, rows = seen->rows;
-    const lg_var B = lg_reshape(tape, net_of(tape, vars, term, seen), lg_shape3(rows, n, m));
+    const lg_var B =
+        lg_reshape(tape, lg_machine_record_network(tape, vars, term, seen), lg_shape3(rows, n, m));
     const lg_var u = lg_reshape(tape, seen->u, lg_shape3(rows, m, 1));
     return lg_reshape(tape, lg_matmul(tape, B, u), lg_shape2(rows, n));
 }
@@ -208,26 +200,6 @@ static lg_var map_network(lg_tape *tape, const lg_machine_vars *vars, uint32_t t
 
 static uint32_t velocity_outputs(const lg_machine *machine) {
     return machine->velocities;
-}
-
-static bool list(const lg_machine *machine, const lg_machine_term *term, lg_monomials *out) {
-    return lg_machine_monomials(lg_machine_feature_numbers(machine, term), 1, term->degree, out);
-}
-
-static size_t polynomial_parameters(const lg_machine *machine, const lg_machine_term *term) {
-    lg_monomials monomials;
-    return list(machine, term, &monomials) ? (size_t)monomials.count * machine->velocities : SIZE_MAX;
-}
-
-static lg_var polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                         const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
-    lg_monomials monomials;
-    (void)list(machine, &machine->terms[term], &monomials);
-    const lg_var x = lg_machine_record_features(tape, machine, &machine->terms[term], seen);
-    const lg_var all = lg_machine_record_monomials(tape, &monomials, x);
-    return lg_matmul(tape, all,
-                     lg_reshape(tape, vars->theta[term], lg_shape2(monomials.count, machine->velocities)));
 }
 
 /* ---- the table ---- */
@@ -287,11 +259,11 @@ const lg_term_kind lg_machine_force_kinds[] = {
      .part = LG_MACHINE_RESIDUAL,
      .options = ANY | LG_TERM_DEGREE,
      .least = 1,
-     .parameters = polynomial_parameters,
-     .record = polynomial},
+     .parameters = lg_machine_polynomial_parameters,
+     .record = lg_machine_record_polynomial},
     {.name = "network",
      .part = LG_MACHINE_RESIDUAL,
      .options = ANY | LG_TERM_HIDDEN,
      .outputs = velocity_outputs,
-     .record = net_of},
+     .record = lg_machine_record_network},
     {.name = NULL}};

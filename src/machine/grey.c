@@ -4,70 +4,57 @@
 
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "mechanics/system.h"
 #include "machine/internal.h"
+#include "mechanics/system.h"
 
 /* ---- the table ---- */
 
-const lg_grey_system *lg_grey_system_at(size_t index) {
-    const lg_grey_system *system = lg_grey_systems;
-    while (system->name != NULL && index-- > 0) system++;
-    return system->name != NULL ? system : NULL;
+const lg_energy_row *lg_grey_system_at(size_t index) {
+    const lg_energy_row *const *row = lg_energy_rows;
+    while (*row != NULL && index-- > 0) row++;
+    return *row;
 }
 
-const char *lg_grey_system_name(const lg_grey_system *system) {
-    return system->name;
-}
+/* Systems of lg-simulate that cannot be a machine, and why. */
+static const struct {
+    const char *name, *why;
+} refusals[] = {
+    {"rigid-body", "its state is the body momentum alone, and logs have positions: take "
+                   "rigid-body-attitude with a coordinate of kind rotation"},
+    {"quadrotors",
+     "they fly by a control law of their own that depends on the time: give coordinates of kind "
+     "pose with a diagonal mass, gravity and an input map"},
+};
 
-const lg_parameter_entry *lg_grey_system_parameters(const lg_grey_system *system) {
-    return system->parameters != NULL ? system->parameters : lg_system_parameters(system->name, NULL);
-}
-
-lg_coordinate_kind lg_grey_system_coordinate(const lg_grey_system *system, uint32_t index) {
-    return system->coordinates[index < system->count ? index : 0];
-}
-
-uint32_t lg_grey_system_coordinates(const lg_grey_system *system) {
-    return system->count;
-}
-
-static lg_status find_system(const char *name, const lg_grey_system **out, lg_error *error) {
+static lg_status find_system(const char *name, const lg_energy_row **out, lg_error *error) {
     char known[200] = "";
-    for (const lg_grey_system *s = lg_grey_systems; s->name != NULL; s++) {
-        if (strcmp(s->name, name) == 0) {
-            *out = s;
-            return LG_OK;
-        }
-        lg_append(known, sizeof known, "%s%s", s > lg_grey_systems ? ", " : "", s->name);
+    for (size_t i = 0; lg_energy_rows[i] != NULL; i++) {
+        *out = lg_energy_rows[i];
+        if (strcmp((*out)->name, name) == 0) return LG_OK;
+        lg_append(known, sizeof known, "%s%s", i > 0 ? ", " : "", (*out)->name);
     }
-    for (const lg_grey_refused *r = lg_grey_refusals; r->name != NULL; r++)
-        if (strcmp(r->name, name) == 0) return lg_fail(error, LG_NOT_FOUND, "%s: %s", name, r->why);
+    for (size_t i = 0; i < LG_COUNT(refusals); i++)
+        if (strcmp(refusals[i].name, name) == 0)
+            return lg_fail(error, LG_NOT_FOUND, "%s: %s", name, refusals[i].why);
     return lg_fail(error, LG_NOT_FOUND, "there is no machine for system \"%.40s\"; the systems are: %s", name,
                    known);
 }
 
 /* ---- coordinates of a system ---- */
 
-/* Writes the kinds as text: "line, angle", or "direction, one or more". */
-static void describe_coordinates(const lg_grey_system *system, char *text, size_t size) {
-    const uint32_t count = system->count > 0 ? system->count : 1;
-    text[0] = '\0';
-    for (uint32_t i = 0; i < count; i++)
-        lg_append(text, size, "%s%s", i > 0 ? ", " : "", lg_coordinate_row_of(system->coordinates[i])->name);
-    if (system->count == 0) lg_append(text, size, ", one or more");
-}
-
-static lg_status check_coordinates(const lg_machine *machine, const lg_grey_system *system, lg_error *error) {
-    char wanted[96];
-    bool fits =
-        machine->coordinate_count > 0 && (system->count == 0 || system->count == machine->coordinate_count);
+static lg_status check_coordinates(const lg_machine *machine, const lg_energy_row *system, lg_error *error) {
+    char wanted[96] = "";
+    const bool any = system->count == 0;
+    bool fits = machine->coordinate_count > 0 && (any || system->count == machine->coordinate_count);
     for (uint32_t i = 0; i < machine->coordinate_count && fits; i++)
-        fits = machine->coordinates[i].kind == lg_grey_system_coordinate(system, i);
+        fits = machine->coordinates[i].kind == system->coordinates[any ? 0 : i];
     if (fits) return LG_OK;
-    describe_coordinates(system, wanted, sizeof wanted);
+    for (uint32_t i = 0; i < (any ? 1 : system->count); i++)
+        lg_append(wanted, sizeof wanted, "%s%s", i > 0 ? ", " : "",
+                  lg_coordinate_row_of(system->coordinates[i])->name);
     return lg_fail(error, LG_INVALID_ARGUMENT,
-                   "%s: the coordinates must be of kind %s, in this order, and no others", system->name,
-                   wanted);
+                   "%s: the coordinates must be of kind %s%s, in this order, and no others", system->name,
+                   wanted, any ? ", one or more" : "");
 }
 
 /* ---- parameters of a system ---- */
@@ -79,7 +66,7 @@ static uint32_t links_of(const lg_machine *machine) {
 /* Offset of an entry's first number among all numbers of the system; for NULL the count of all numbers. */
 static uint32_t place_of(const lg_machine *machine, const lg_parameter_entry *entry) {
     uint32_t at = 0;
-    const lg_parameter_entry *p = lg_grey_system_parameters(machine->grey.system);
+    const lg_parameter_entry *p = machine->grey.system->parameters;
     for (; p->key != NULL && p != entry; p++) at += (uint32_t)lg_parameter_numbers(p, links_of(machine));
     return at;
 }
@@ -117,7 +104,7 @@ static lg_status check_entry(const lg_machine *machine, const lg_parameter_entry
 }
 
 lg_status lg_grey_check(const lg_machine *machine, lg_error *error) {
-    const lg_grey_system *system = machine->grey.system;
+    const lg_energy_row *system = machine->grey.system;
     bool term = false;
     for (uint32_t i = 0; i < machine->term_count; i++)
         term = term || machine->terms[i].kind == &lg_grey_mass_kind;
@@ -126,7 +113,7 @@ lg_status lg_grey_check(const lg_machine *machine, lg_error *error) {
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a machine has either a system and the terms of this system, or neither");
     LG_TRY(check_coordinates(machine, system, error));
-    for (const lg_parameter_entry *p = lg_grey_system_parameters(system); p->key != NULL; p++)
+    for (const lg_parameter_entry *p = system->parameters; p->key != NULL; p++)
         LG_TRY(check_entry(machine, p, error));
     return LG_OK;
 }
@@ -135,11 +122,11 @@ lg_status lg_machine_set_parameter(lg_machine *machine, const char *key, size_t 
                                    const bool *unknown, lg_error *error) {
     LG_NEEDS(error, machine, key);
     if (count > 0) LG_NEEDS(error, values);
-    const lg_grey_system *system = machine->grey.system;
+    const lg_energy_row *system = machine->grey.system;
     const lg_parameter_entry *p = NULL;
     if (system == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has no system, so it has no parameters");
-    LG_TRY(lg_parameter_find(system->name, lg_grey_system_parameters(system), key, &p, error));
+    LG_TRY(lg_parameter_find(system->name, system->parameters, key, &p, error));
     const size_t n = lg_parameter_numbers(p, links_of(machine));
     if (count != 0 && count != n)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %zu number%s given, %zu%s expected", key, count,
@@ -164,7 +151,7 @@ lg_status lg_machine_bound_parameter(lg_machine *machine, const char *key, size_
     const lg_parameter_entry *p = NULL;
     if (grey->system == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has no system, so it has no parameters");
-    LG_TRY(lg_parameter_find(grey->system->name, lg_grey_system_parameters(grey->system), key, &p, error));
+    LG_TRY(lg_parameter_find(grey->system->name, grey->system->parameters, key, &p, error));
     const size_t at = place_of(machine, p) + index;
     if (index >= lg_parameter_numbers(p, links_of(machine)) || !grey->unknown[at] ||
         p->rule == LG_PARAMETER_UNIT_VECTOR)
@@ -183,7 +170,7 @@ static size_t unknown_numbers(const lg_machine *machine, const lg_machine_term *
     const lg_machine_grey *grey = &machine->grey;
     size_t count = 0;
     for (uint32_t i = 0; i < grey->count; i++) count += grey->unknown[i];
-    for (const lg_parameter_entry *p = lg_grey_system_parameters(grey->system); p->key != NULL; p++)
+    for (const lg_parameter_entry *p = grey->system->parameters; p->key != NULL; p++)
         count -= p->rule == LG_PARAMETER_UNIT_VECTOR && grey->unknown[place_of(machine, p)];
     return count;
 }
@@ -220,7 +207,7 @@ static void map_entry(const lg_machine_grey *grey, const lg_parameter_entry *p, 
 }
 
 static void map_all(const lg_machine *machine, mapping *m) {
-    const lg_parameter_entry *p = lg_grey_system_parameters(machine->grey.system);
+    const lg_parameter_entry *p = machine->grey.system->parameters;
     for (; p->key != NULL; p++)
         map_entry(&machine->grey, p, place_of(machine, p), lg_parameter_numbers(p, links_of(machine)), m);
 }
@@ -236,7 +223,7 @@ static lg_var turned(lg_tape *tape, const double *start, lg_var moved, uint32_t 
 
 static lg_var with_unit_vectors(lg_tape *tape, const lg_machine *machine, lg_var numbers) {
     const uint32_t all = machine->grey.count;
-    for (const lg_parameter_entry *p = lg_grey_system_parameters(machine->grey.system); p->key != NULL; p++) {
+    for (const lg_parameter_entry *p = machine->grey.system->parameters; p->key != NULL; p++) {
         const uint32_t at = place_of(machine, p), n = (uint32_t)p->count;
         if (p->rule != LG_PARAMETER_UNIT_VECTOR || !machine->grey.unknown[at]) continue;
         lg_var parts[3];
@@ -288,54 +275,50 @@ static lg_var places_in_logs(lg_tape *tape, const lg_machine *machine, lg_var x)
     return lg_mul(tape, x, lg_input_f64(tape, lg_shape2(1, machine->places), machine->scales.place));
 }
 
-static lg_grey_view view_of(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
+/* `state` gets the positions in the units of the log. */
+static lg_at at_of(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen, lg_var *state) {
     const lg_machine *machine = vars->machine;
-    lg_grey_view at = {.rows = 1, .parameters = vars->grey, .links = machine->directions};
-    if (seen == NULL) return at;
     const lg_machine_places part = lg_machine_parts(machine);
-    at.rows = seen->rows;
-    if (part.x >= 0) at.x = places_in_logs(tape, machine, seen->parts[part.x]);
-    if (part.q >= 0) at.q = seen->parts[part.q];
-    if (part.R >= 0) at.R = seen->parts[part.R];
+    lg_at at = {.rows = seen->rows, .parameters = vars->grey};
+    at.size = machine->directions > 0 ? machine->directions : machine->momenta;
+    if (seen->parts == NULL) return at;
+    at.state = state;
+    if (part.x >= 0) *state++ = places_in_logs(tape, machine, seen->parts[part.x]);
+    if (part.q >= 0) *state++ = seen->parts[part.q];
+    if (part.R >= 0) *state = seen->parts[part.R];
     return at;
 }
 
-/* Converts M, in the order of lg_machine_mass_velocities, from the log's units to scaled units. */
-static lg_var scaled_mass(lg_tape *tape, const lg_machine *machine, bool directions, lg_var M) {
+/* M in the order of lg_machine_mass_velocities, converted from the log's units to scaled units. */
+static lg_var mass(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
     uint32_t list[LG_MACHINE_VELOCITIES];
     double unit[LG_MACHINE_VALUES];
-    const uint32_t n = lg_machine_mass_velocities(machine, directions, list);
+    lg_var state[3];
+    const lg_at at = at_of(tape, vars, seen, state);
+    const lg_var M = machine->grey.system->mass(tape, &at);
+    const uint32_t n = lg_machine_mass_velocities(machine, seen->directions, list);
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = 0; j < n; j++) unit[i * n + j] = lg_machine_unit_mass(machine, list[i], list[j]);
     return lg_mul(tape, M, lg_input_f64(tape, lg_shape3(1, n, n), unit));
 }
 
-static lg_var mass(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
-    const lg_grey_view at = view_of(tape, vars, seen);
-    return scaled_mass(tape, vars->machine, false, vars->machine->grey.system->mass(tape, &at));
-}
-
-static lg_var directions(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
-    const lg_grey_view at = view_of(tape, vars, NULL);
-    return scaled_mass(tape, vars->machine, true, vars->machine->grey.system->directions(tape, &at));
-}
-
 static lg_var potential(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                         const lg_machine_seen *seen) {
-    const lg_grey_view at = view_of(tape, vars, seen);
+    lg_var state[3];
+    const lg_at at = at_of(tape, vars, seen, state);
     return lg_scale(tape, vars->machine->grey.system->potential(tape, &at),
                     1.0 / vars->machine->scales.energy);
 }
 
 static bool moves(const lg_machine *machine) {
-    return machine->grey.system != NULL && machine->grey.system->moving;
+    return machine->grey.system->moving;
 }
 
 const lg_term_kind lg_grey_mass_kind = {.name = "system",
                                         .part = LG_MACHINE_MASS,
                                         .parameters = unknown_numbers,
                                         .record = mass,
-                                        .directions = directions,
                                         .numbers = lg_numbers_grey,
                                         .moving = moves,
                                         .priors = priors};
@@ -354,7 +337,7 @@ static void add_term(lg_machine *machine, const lg_term_kind *kind) {
 
 lg_status lg_machine_set_system(lg_machine *machine, const char *name, lg_error *error) {
     LG_NEEDS(error, machine, name);
-    const lg_grey_system *system = NULL;
+    const lg_energy_row *system = NULL;
     if (machine->grey.system != NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the machine already has a system");
     if (machine->term_count + 2 > LG_MACHINE_TERMS)
@@ -363,7 +346,7 @@ lg_status lg_machine_set_system(lg_machine *machine, const char *name, lg_error 
     LG_TRY(check_coordinates(machine, system, error));
     machine->grey = (lg_machine_grey){.system = system};
     machine->grey.count = place_of(machine, NULL);
-    const lg_parameter_entry *p = lg_grey_system_parameters(system);
+    const lg_parameter_entry *p = system->parameters;
     for (uint32_t at = 0; p->key != NULL; p++)
         for (size_t i = 0; i < lg_parameter_numbers(p, links_of(machine)); i++)
             machine->grey.start[at++] = fallback_of(p, i, false);
@@ -383,49 +366,37 @@ void lg_numbers_grey(lg_number_list *list, const lg_machine *machine, const lg_m
     for (uint32_t i = 0; i < grey->count; i++) {
         char label[LG_PARAMETER_LABEL];
         if (!grey->unknown[i]) continue;
-        lg_parameter_label(lg_grey_system_parameters(grey->system), links_of(machine), i, label);
+        lg_parameter_label(grey->system->parameters, links_of(machine), i, label);
         lg_numbers_put(list, values[i], "%s", label);
     }
 }
 
 /* ---- scale of energies ---- */
 
-/* The diagonal of M at the reference and the initial parameters, M_ii L_i^2/T^2: energies in the units of the
- * log. */
-static lg_status read_masses(lg_tape *tape, const lg_machine *machine, uint32_t *count, double *out) {
-    lg_machine_vars vars = {.machine = machine};
-    lg_var parts[LG_TAPED_MAX_PARTS];
-    double theta[LG_MACHINE_PARAMETERS] = {0.0}, M[LG_MACHINE_VALUES];
-    const uint32_t n = machine->momenta > 0 ? machine->momenta : machine->directions;
+/* M at the reference and the initial parameters, M_ij L_i L_j/T^2: energies in the units of the log. */
+static lg_var initial_mass(lg_tape *tape, const lg_machine *machine) {
     const uint32_t unknown = (uint32_t)unknown_numbers(machine, NULL);
-    *count = n;
-    vars.grey =
-        lg_grey_record(tape, machine, unknown > 0 ? lg_input_f64(tape, lg_shape1(unknown), theta) : LG_NONE);
-    lg_var all;
-    if (machine->momenta > 0) {
-        const lg_var zeros = lg_full(tape, lg_shape2(1, machine->places > 0 ? machine->places : 1), 0.0);
-        for (int i = 0; i < LG_TAPED_MAX_PARTS; i++) parts[i] = zeros;
-        const lg_machine_seen seen = {.parts = parts, .rows = 1};
-        all = mass(tape, &vars, 0, &seen);
-    } else {
-        all = directions(tape, &vars, 0);
-    }
-    LG_TRY(lg_read(tape, all, (size_t)n * n, M));
-    for (uint32_t i = 0; i < n; i++) out[i] = M[i * n + i];
-    return LG_OK;
+    const lg_var theta = unknown > 0 ? lg_full(tape, lg_shape1(unknown), 0.0) : LG_NONE,
+                 zeros = lg_full(tape, lg_shape2(1, machine->places > 0 ? machine->places : 1), 0.0);
+    const lg_machine_vars vars = {.machine = machine, .grey = lg_grey_record(tape, machine, theta)};
+    lg_var parts[LG_TAPED_MAX_PARTS];
+    for (int i = 0; i < LG_TAPED_MAX_PARTS; i++) parts[i] = zeros;
+    return mass(tape, &vars, 0,
+                &(lg_machine_seen){.parts = parts, .rows = 1, .directions = machine->momenta == 0});
 }
 
 lg_status lg_grey_energy(const lg_machine *machine, double *out) {
     lg_machine plain = *machine;
-    double masses[LG_MACHINE_VELOCITIES], logs = 0.0;
-    uint32_t n = 0;
+    double M[LG_MACHINE_VALUES], logs = 0.0;
+    const uint32_t n = machine->momenta > 0 ? machine->momenta : machine->directions;
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     *out = 0.0;
     if (machine->grey.system == NULL) return LG_OK;
     plain.scales.energy = 1.0;
     lg_status status = lg_tape_create(NULL, NULL, &tape);
-    if (status == LG_OK) status = read_masses(tape, &plain, &n, masses);
-    for (uint32_t i = 0; i < n; i++) logs += log(masses[i]);
-    if (status == LG_OK) *out = exp(logs / n);
-    return status == LG_OUT_OF_MEMORY ? status : LG_OK;
+    if (status == LG_OK) status = lg_read(tape, initial_mass(tape, &plain), (size_t)n * n, M);
+    if (status != LG_OK) return status == LG_OUT_OF_MEMORY ? status : LG_OK;
+    for (uint32_t i = 0; i < n; i++) logs += log(M[i * n + i]);
+    *out = exp(logs / n);
+    return LG_OK;
 }

@@ -4,6 +4,7 @@
 
 #include "core/clean.h"
 #include "liegrad/machine.h"
+#include "mechanics/engine.h"
 
 LG_AT(lg_tape_destroy, lg_tape)
 
@@ -26,13 +27,15 @@ typedef struct lg_machine_offsets {
 } lg_machine_offsets;
 LG_API lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate);
 
-/* What a term may depend on, for B rows: parts of the state, velocities (B, velocities) and input (B,
- * inputs). v and u are LG_NONE for parts of the machine that do not depend on them. sign (B, velocities): the
+/* What a term may depend on, for B rows: parts of the state (NULL: the term is a mass that does not depend on
+ * it), velocities (B, velocities) and input (B, inputs). v and u are LG_NONE for parts of the machine that do
+ * not depend on them. sign (B, velocities): the
  * signs of velocities that friction without a width takes, 0 where it sticks; LG_NONE: those of v. */
 typedef struct lg_machine_seen {
     const lg_var *parts;
     lg_var v, u, sign;
     uint32_t rows;
+    bool directions; /* a mass is asked for the masses of the directions */
 } lg_machine_seen;
 
 /* An entry of a term's values: its name, its unit (1 in scaled units), its start in scaled units, whether it
@@ -73,7 +76,9 @@ void lg_machine_feature_name(const lg_machine *machine, const lg_machine_term *t
 typedef struct lg_prior lg_prior;
 
 /* A row of the table of terms. `record` returns, by part:
- *   mass       the mass matrix M, (B, n, n) or (1, n, n), of the coordinates whose momenta are in R^n
+ *   mass       the mass matrix M, (B, n, n) or (1, n, n), of the coordinates whose momenta are in R^n; with
+ *              seen->directions the masses of the k directions, (1, k, 1), or (1, k, k) of a chain, which all
+ *              terms except networks have
  *   potential  V (B, 1)
  *   damping, input map, residual, offset   forces (B, velocities)
  *   bias       (1, positions + velocities), which logs have added to the true values
@@ -89,9 +94,6 @@ struct lg_term_kind {
      * weights. */
     void (*initialise)(const lg_machine *machine, const lg_machine_term *term, double *theta);
     lg_var (*record)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen);
-    /* Masses of the directions, (1, directions, 1), or (1, directions, directions) of a chain. NULL: the term
-     * gives none. */
-    lg_var (*directions)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term);
     /* Whether parameter i, or its square, is in scaled units the number that `entry` describes. */
     enum { LG_PARAMETER_OTHER, LG_PARAMETER_ITSELF, LG_PARAMETER_SQUARED } each;
     /* Appends the term's parameters in the units of logs; theta is the term's slice. NULL: they are those of
@@ -220,35 +222,7 @@ lg_var lg_machine_record_drag(lg_tape *tape, const lg_machine_vars *vars, uint32
 /* Unit of a force on velocity i, divided by the unit of velocity j to the given power. */
 double lg_machine_drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, int power);
 
-/* ---- named systems (machine/grey.c, machine/grey_rows.c) ---- */
-
-/* What the functions of a system see: B rows in the units of the log. */
-typedef struct lg_grey_view {
-    uint32_t rows;
-    lg_var parameters; /* (P) parameters of the system, in the order of its table */
-    lg_var x, q, R;    /* (B, places), (B, k, 3), (B, 1, 9); LG_NONE where M does not depend on them */
-    uint32_t links;    /* k, number of directions */
-} lg_grey_view;
-
-/* A system: its functions return M of the momenta on R^n (B or 1, n, n), M of the directions (1, k, k) and V
- * (B, 1), in the units of the log. */
-struct lg_grey_system {
-    const char *name;
-    const lg_parameter_entry *parameters; /* NULL: the table of lg_system_parameters */
-    uint32_t count; /* number of coordinates; 0: any number, all of kind coordinates[0] */
-    lg_coordinate_kind coordinates[2];
-    unsigned seen; /* bit i: M or V depends on coordinate i */
-    bool moving;   /* whether M depends on the state */
-    lg_var (*mass)(lg_tape *tape, const lg_grey_view *at);
-    lg_var (*directions)(lg_tape *tape, const lg_grey_view *at);
-    lg_var (*potential)(lg_tape *tape, const lg_grey_view *at); /* NULL: V = 0 */
-};
-extern const lg_grey_system lg_grey_systems[]; /* ends with a name NULL */
-/* Systems of lg-simulate that cannot be a machine, and why. The list ends with a name NULL. */
-typedef struct lg_grey_refused {
-    const char *name, *why;
-} lg_grey_refused;
-extern const lg_grey_refused lg_grey_refusals[];
+/* ---- named systems (machine/grey.c) ---- */
 
 /* The terms that lg_machine_set_system adds. */
 extern const lg_term_kind lg_grey_mass_kind, lg_grey_potential_kind;
@@ -279,6 +253,13 @@ uint32_t lg_machine_feature_scales(const lg_machine *machine, const lg_machine_t
 /* The features of a term, (B, numbers), in scaled units. */
 lg_var lg_machine_record_features(lg_tape *tape, const lg_machine *machine, const lg_machine_term *term,
                                   const lg_machine_seen *seen);
+/* lg_term_kind.record of networks and of polynomials of the term's features; the number of parameters of a
+ * polynomial (SIZE_MAX: too many monomials). */
+lg_var lg_machine_record_network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                                 const lg_machine_seen *seen);
+lg_var lg_machine_record_polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                                    const lg_machine_seen *seen);
+size_t lg_machine_polynomial_parameters(const lg_machine *machine, const lg_machine_term *term);
 
 /* Whether M depends on the state. */
 bool lg_machine_mass_moves(const lg_machine *machine);
@@ -308,7 +289,6 @@ lg_var lg_machine_record_monomials(lg_tape *tape, const lg_monomials *monomials,
 static inline uint32_t lg_triangle(uint32_t n) {
     return n * (n + 1) / 2;
 }
-lg_var lg_machine_unit_matrix(lg_tape *tape, uint32_t n); /* (1, n, n) */
 /* lg_term_kind.values for a matrix of all velocities or its diagonal. */
 void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]);
 /* Unpacks triangles: packed (B, lg_triangle(n)) -> (B, n, n). With `positive` the diagonal is exp of its

@@ -219,8 +219,8 @@ static lg_status check_mass(const lg_machine *machine, lg_error *error) {
     if (!has_part(machine, LG_MACHINE_MASS))
         return lg_fail(error, LG_INVALID_ARGUMENT, "a machine needs a mass");
     for (uint32_t i = 0; i < machine->term_count; i++)
-        directions = directions || (machine->terms[i].part == LG_MACHINE_MASS &&
-                                    machine->terms[i].kind->directions != NULL);
+        directions = directions ||
+                     (machine->terms[i].part == LG_MACHINE_MASS && machine->terms[i].kind->outputs == NULL);
     if (directions) return LG_OK;
     return lg_fail(error, LG_INVALID_ARGUMENT,
                    "the mass of a direction is one number: add a mass of kind diagonal or known");

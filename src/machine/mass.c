@@ -18,27 +18,15 @@ static lg_var known(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, c
     const lg_machine *machine = vars->machine;
     uint32_t list[LG_MACHINE_VELOCITIES], index[LG_MACHINE_VALUES];
     double factor[LG_MACHINE_VALUES];
-    const uint32_t n = lg_machine_mass_velocities(machine, false, list);
-    for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = 0; j < n; j++) {
-            index[i * n + j] = place_of(machine, &machine->terms[term], list[i], list[j]);
-            factor[i * n + j] = lg_machine_unit_mass(machine, list[i], list[j]);
-        }
-    return lg_reshape(tape, lg_machine_record_entries(tape, vars, term, n * n, index, factor),
-                      lg_shape3(1, n, n));
-}
-
-static lg_var known_directions(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
-    const lg_machine *machine = vars->machine;
-    uint32_t list[LG_MACHINE_VELOCITIES], index[LG_MACHINE_VELOCITIES];
-    double factor[LG_MACHINE_VELOCITIES];
-    const uint32_t n = lg_machine_mass_velocities(machine, true, list);
-    for (uint32_t i = 0; i < n; i++) {
-        index[i] = place_of(machine, &machine->terms[term], list[i], list[i]);
-        factor[i] = lg_machine_unit_mass(machine, list[i], list[i]);
+    const uint32_t n = lg_machine_mass_velocities(machine, seen->directions, list),
+                   columns = seen->directions ? 1 : n;
+    for (uint32_t k = 0; k < n * columns; k++) {
+        const uint32_t i = list[k / columns], j = seen->directions ? i : list[k % n];
+        index[k] = place_of(machine, &machine->terms[term], i, j);
+        factor[k] = lg_machine_unit_mass(machine, i, j);
     }
-    return lg_reshape(tape, lg_machine_record_entries(tape, vars, term, n, index, factor),
-                      lg_shape3(1, n, 1));
+    return lg_reshape(tape, lg_machine_record_entries(tape, vars, term, n * columns, index, factor),
+                      lg_shape3(1, n, columns));
 }
 
 static void known_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
@@ -92,34 +80,27 @@ static lg_var numbers(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
     return lg_reshape(tape, lg_slice(tape, all, 0, first, count), lg_shape2(1, count));
 }
 
-static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                       const lg_machine_seen *seen) {
-    const uint32_t n = vars->machine->momenta;
-    if (vars->machine->terms[term].value_count > 0) return known(tape, vars, term, seen);
-    const lg_var m = lg_exp(tape, numbers(tape, vars, term, 0, n));
-    return lg_mul(tape, lg_reshape(tape, m, lg_shape3(1, 1, n)), lg_machine_unit_matrix(tape, n));
-}
-
 static lg_var direction_masses(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t first) {
     const uint32_t n = vars->machine->directions;
     return lg_reshape(tape, lg_exp(tape, numbers(tape, vars, term, first, n)), lg_shape3(1, n, 1));
 }
 
-static lg_var diagonal_directions(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
-    if (vars->machine->terms[term].value_count > 0) return known_directions(tape, vars, term);
-    return direction_masses(tape, vars, term, vars->machine->momenta);
+static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                       const lg_machine_seen *seen) {
+    const uint32_t n = vars->machine->momenta;
+    if (vars->machine->terms[term].value_count > 0) return known(tape, vars, term, seen);
+    if (seen->directions) return direction_masses(tape, vars, term, n);
+    const lg_var m = lg_exp(tape, numbers(tape, vars, term, 0, n));
+    return lg_mul(tape, lg_reshape(tape, m, lg_shape3(1, 1, n)), lg_unit_matrix(tape, n));
 }
 
 static lg_var constant(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                        const lg_machine_seen *seen) {
     const uint32_t n = vars->machine->momenta;
+    if (seen->directions) return direction_masses(tape, vars, term, lg_triangle(n));
     const lg_var packed = numbers(tape, vars, term, 0, lg_triangle(n));
     const lg_var L = lg_machine_record_triangle(tape, packed, n, true);
     return lg_matmul_nt(tape, L, L);
-}
-
-static lg_var constant_directions(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
-    return direction_masses(tape, vars, term, lg_triangle(vars->machine->momenta));
 }
 
 /* ---- network ---- */
@@ -134,11 +115,8 @@ static bool always(const lg_machine *machine) {
 
 static lg_var network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                       const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
-    const lg_machine_term *own = &machine->terms[term];
-    const lg_var x = lg_machine_record_features(tape, machine, own, seen);
-    const lg_var packed = lg_mlp_record_bound(tape, &own->net, &vars->net[term], x);
-    const lg_var L = lg_machine_record_triangle(tape, packed, machine->momenta, true);
+    const lg_var packed = lg_machine_record_network(tape, vars, term, seen);
+    const lg_var L = lg_machine_record_triangle(tape, packed, vars->machine->momenta, true);
     return lg_matmul_nt(tape, L, L);
 }
 
@@ -149,8 +127,7 @@ const lg_term_kind lg_machine_mass_kinds[] = {{.name = "known",
                                                .options = LG_TERM_VALUES | LG_TERM_KNOWN,
                                                .values = lg_machine_square_values,
                                                .entry = known_entry,
-                                               .record = known,
-                                               .directions = known_directions},
+                                               .record = known},
                                               {.name = "diagonal",
                                                .part = LG_MACHINE_MASS,
                                                .numbers = lg_numbers_mass,
@@ -158,14 +135,12 @@ const lg_term_kind lg_machine_mass_kinds[] = {{.name = "known",
                                                .values = diagonal_values,
                                                .entry = known_entry,
                                                .parameters = diagonal_parameters,
-                                               .record = diagonal,
-                                               .directions = diagonal_directions},
+                                               .record = diagonal},
                                               {.name = "constant",
                                                .part = LG_MACHINE_MASS,
                                                .numbers = lg_numbers_mass,
                                                .parameters = constant_parameters,
-                                               .record = constant,
-                                               .directions = constant_directions},
+                                               .record = constant},
                                               {.name = "network",
                                                .part = LG_MACHINE_MASS,
                                                .options = LG_TERM_OF | LG_TERM_HIDDEN,

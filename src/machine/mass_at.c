@@ -16,10 +16,7 @@ static uint32_t embed(const lg_machine *machine, const double *positions, double
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_kind kind = machine->coordinates[i].kind;
         const double *q = positions + lg_machine_offsets_of(machine, i).position;
-        const lg_grey_system *system = machine->grey.system;
-        if (!(system != NULL && (system->seen & 1u << i) != 0) &&
-            !lg_machine_sees(machine, LG_MACHINE_MASS, i))
-            continue;
+        if (!lg_machine_sees(machine, LG_MACHINE_MASS, i)) continue;
         if (kind == LG_COORDINATE_ANGLE) {
             out[count++] = sin(*q);
             out[count++] = cos(*q);

@@ -69,16 +69,18 @@ void lg_numbers_mass(lg_number_list *l, const lg_machine *machine, const lg_mach
     double m[LG_MACHINE_VALUES];
     const uint32_t index = (uint32_t)(term - machine->terms);
     const bool good = l->status == LG_OK, diagonal = (term->kind->options & LG_TERM_VALUES) != 0;
+    lg_machine_seen seen = {.rows = 1};
     uint32_t n = lg_machine_mass_velocities(machine, false, at);
     if (n > 0)
-        lg_numbers_read(l, good ? term->kind->record(l->tape, &l->vars, index, NULL) : LG_NONE, (size_t)n * n,
-                        m);
+        lg_numbers_read(l, good ? term->kind->record(l->tape, &l->vars, index, &seen) : LG_NONE,
+                        (size_t)n * n, m);
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = i; j < (diagonal ? i + 1 : n); j++)
             lg_numbers_put(l, m[i * n + j] * (1.0 / lg_machine_unit_mass(machine, at[i], at[j])),
                            "mass.%u.%u", at[i] + 1, at[j] + 1);
     n = lg_machine_mass_velocities(machine, true, at);
-    if (n > 0) lg_numbers_read(l, good ? term->kind->directions(l->tape, &l->vars, index) : LG_NONE, n, m);
+    seen.directions = true;
+    if (n > 0) lg_numbers_read(l, good ? term->kind->record(l->tape, &l->vars, index, &seen) : LG_NONE, n, m);
     for (uint32_t i = 0; i < n; i++)
         lg_numbers_put(l, m[i] * (1.0 / lg_machine_unit_mass(machine, at[i], at[i])), "mass.%u.%u", at[i] + 1,
                        at[i] + 1);
@@ -169,7 +171,7 @@ void lg_numbers_constant_damping(lg_number_list *l, const lg_machine *machine, c
     lg_machine_seen seen = {.rows = n};
     lg_var f = LG_NONE;
     if (l->status == LG_OK) {
-        seen.v = lg_reshape(l->tape, lg_machine_unit_matrix(l->tape, n), lg_shape2(n, n));
+        seen.v = lg_reshape(l->tape, lg_unit_matrix(l->tape, n), lg_shape2(n, n));
         f = term->kind->record(l->tape, &l->vars, (uint32_t)(term - machine->terms), &seen);
     }
     lg_numbers_read(l, f, (size_t)n * n, D);

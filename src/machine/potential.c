@@ -1,4 +1,4 @@
-/* Machines: kinds of potential energy. All except the network are linear in their parameters. */
+/* Machines: kinds of potential energy, and polynomials. All except the network are linear in their parameters. */
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
@@ -9,9 +9,14 @@ static bool list(const lg_machine *machine, const lg_machine_term *term, lg_mono
     return lg_machine_monomials(lg_machine_feature_numbers(machine, term), term->kind->least, most, out);
 }
 
-static size_t monomial_count(const lg_machine *machine, const lg_machine_term *term) {
+/* How many numbers a polynomial has: one, or a residual force. */
+static uint32_t outputs(const lg_machine *machine, const lg_machine_term *term) {
+    return term->part == LG_MACHINE_POTENTIAL ? 1 : machine->velocities;
+}
+
+size_t lg_machine_polynomial_parameters(const lg_machine *machine, const lg_machine_term *term) {
     lg_monomials monomials;
-    return list(machine, term, &monomials) ? monomials.count : SIZE_MAX;
+    return list(machine, term, &monomials) ? (size_t)monomials.count * outputs(machine, term) : SIZE_MAX;
 }
 
 /* Given coefficients in scaled units, (1, count): the coefficient in the log's units times the scales of its
@@ -30,8 +35,8 @@ static lg_var given_coefficients(lg_tape *tape, const lg_machine_vars *vars, uin
     return lg_machine_record_entries(tape, vars, term, monomials->count, index, unit);
 }
 
-static lg_var polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                         const lg_machine_seen *seen) {
+lg_var lg_machine_record_polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
+                                    const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
     const lg_machine_term *own = &machine->terms[term];
     lg_monomials monomials;
@@ -40,7 +45,7 @@ static lg_var polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t te
     const lg_var all = lg_machine_record_monomials(tape, &monomials, x);
     const lg_var c =
         own->value_count > 0 ? given_coefficients(tape, vars, term, &monomials) : vars->theta[term];
-    return lg_matmul(tape, all, lg_reshape(tape, c, lg_shape2(monomials.count, 1)));
+    return lg_matmul(tape, all, lg_reshape(tape, c, lg_shape2(monomials.count, outputs(machine, own))));
 }
 
 /* ---- network ---- */
@@ -49,18 +54,11 @@ static uint32_t one(const lg_machine *machine) {
     return 1;
 }
 
-static lg_var network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                      const lg_machine_seen *seen) {
-    const lg_machine_term *own = &vars->machine->terms[term];
-    const lg_var x = lg_machine_record_features(tape, vars->machine, own, seen);
-    return lg_mlp_record_bound(tape, &own->net, &vars->net[term], x);
-}
-
 /* ---- the table ---- */
 
 #define MONOMIALS                                                                                            \
-    .part = LG_MACHINE_POTENTIAL, .parameters = monomial_count, .record = polynomial,                        \
-    .each = LG_PARAMETER_ITSELF, .entry = lg_machine_potential_entry
+    .part = LG_MACHINE_POTENTIAL, .parameters = lg_machine_polynomial_parameters,                            \
+    .record = lg_machine_record_polynomial, .each = LG_PARAMETER_ITSELF, .entry = lg_machine_potential_entry
 #define FORM (LG_TERM_OF | LG_TERM_VALUES)
 const lg_term_kind lg_machine_potential_kinds[] = {
     {.name = "linear", .options = FORM, .least = 1, .most = 1, MONOMIALS},
@@ -71,5 +69,5 @@ const lg_term_kind lg_machine_potential_kinds[] = {
      .part = LG_MACHINE_POTENTIAL,
      .options = LG_TERM_OF | LG_TERM_HIDDEN,
      .outputs = one,
-     .record = network},
+     .record = lg_machine_record_network},
     {.name = NULL}};

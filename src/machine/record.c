@@ -36,10 +36,9 @@ static lg_var record_direction_mass(lg_tape *tape, const lg_machine_vars *vars) 
     lg_var sum = LG_NONE;
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_term_kind *kind = machine->terms[i].kind;
-        if (kind->part != LG_MACHINE_MASS || kind->directions == NULL) continue;
-        lg_var m = kind->directions(tape, vars, i);
-        if (coupled && lg_var_shape(tape, m).dims[2] == 1)
-            m = lg_mul(tape, m, lg_machine_unit_matrix(tape, k));
+        if (kind->part != LG_MACHINE_MASS || kind->outputs != NULL) continue;
+        lg_var m = kind->record(tape, vars, i, &(lg_machine_seen){.rows = 1, .directions = true});
+        if (coupled && lg_var_shape(tape, m).dims[2] == 1) m = lg_mul(tape, m, lg_unit_matrix(tape, k));
         sum = plus(tape, sum, m);
     }
     return sum;
@@ -76,12 +75,11 @@ lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta
     if (machine->directions > 0) vars->direction_mass = record_direction_mass(tape, vars);
     if (machine->directions > 1 && machine->grey.system != NULL)
         vars->direction_inverse =
-            lg_spd_solve(tape, vars->direction_mass, lg_machine_unit_matrix(tape, machine->directions));
+            lg_spd_solve(tape, vars->direction_mass, lg_unit_matrix(tape, machine->directions));
     if (n > 0 && !lg_machine_mass_moves(machine)) {
-        const lg_var m = sum_of(tape, vars, LG_MACHINE_MASS, NULL);
+        const lg_var m = sum_of(tape, vars, LG_MACHINE_MASS, &(lg_machine_seen){.rows = 1});
         vars->mass = lg_reshape(tape, m, lg_shape2(n, n));
-        vars->inverse =
-            lg_reshape(tape, lg_spd_solve(tape, m, lg_machine_unit_matrix(tape, n)), lg_shape2(n, n));
+        vars->inverse = lg_reshape(tape, lg_spd_solve(tape, m, lg_unit_matrix(tape, n)), lg_shape2(n, n));
     }
     return lg_tape_status(tape);
 }
@@ -181,17 +179,10 @@ static lg_var direction_momenta(lg_tape *tape, const lg_machine_vars *vars, lg_v
     return lg_sub(tape, p, lg_mul(tape, lg_rowdot(tape, q, p), q));
 }
 
-/* q' = W (p - lambda q) with W = m^-1. lambda solves (W o q q^T) lambda = q.(W p), where W o q q^T has the
- * elements W_ij q_i.q_j, so that q_i.q_i' = 0. */
-static lg_var coupled_velocity(lg_tape *tape, const lg_machine_vars *vars, lg_var q, lg_var p) {
-    const lg_var W = vars->direction_inverse;
-    const lg_var along = lg_rowdot(tape, q, lg_matmul(tape, W, p));
-    const lg_var lambda = lg_spd_solve(tape, lg_mul(tape, W, lg_matmul_nt(tape, q, q)), along);
-    return lg_matmul(tape, W, lg_sub(tape, p, lg_mul(tape, lambda, q)));
-}
-
 static lg_var direction_velocity(lg_tape *tape, const lg_machine_vars *vars, lg_var q, lg_var p) {
-    return are_coupled(vars) ? coupled_velocity(tape, vars, q, p) : lg_div(tape, p, vars->direction_mass);
+    lg_var lambda;
+    return are_coupled(vars) ? lg_tied_velocity(tape, vars->direction_inverse, q, p, &lambda)
+                             : lg_div(tape, p, vars->direction_mass);
 }
 
 /* Splits positions (B, positions) of a log into the parts x, q and R of a state. */
@@ -220,14 +211,11 @@ static lg_var bias_of(lg_tape *tape, const lg_machine_vars *vars, bool velocitie
                       : lg_slice(tape, vars->bias, 1, 0, machine->positions);
 }
 
-static lg_var without_bias(lg_tape *tape, const lg_machine_vars *vars, bool velocities, lg_var x) {
+/* x with its bias added (lg_add) or subtracted (lg_sub). */
+static lg_var biased(lg_tape *tape, const lg_machine_vars *vars, bool velocities, lg_var x,
+                     lg_var (*apply)(lg_tape *tape, lg_var x, lg_var bias)) {
     const lg_var bias = vars->machine->accelerations ? LG_NONE : bias_of(tape, vars, velocities);
-    return lg_is_none(bias) ? x : lg_sub(tape, x, bias);
-}
-
-static lg_var with_bias(lg_tape *tape, const lg_machine_vars *vars, bool velocities, lg_var x) {
-    const lg_var bias = vars->machine->accelerations ? LG_NONE : bias_of(tape, vars, velocities);
-    return lg_is_none(bias) ? x : lg_add(tape, x, bias);
+    return lg_is_none(bias) ? x : apply(tape, x, bias);
 }
 
 /* The state from positions and velocities without biases. */
@@ -252,8 +240,8 @@ static lg_status record_true_state(lg_tape *tape, const lg_machine_vars *vars, l
 lg_status lg_machine_record_state(lg_tape *tape, const lg_machine_vars *vars, lg_var positions,
                                   lg_var velocities, lg_var *parts) {
     LG_TRY(lg_tape_needs(tape, "state", vars != NULL && parts != NULL));
-    return record_true_state(tape, vars, without_bias(tape, vars, false, positions),
-                             without_bias(tape, vars, true, velocities), parts);
+    return record_true_state(tape, vars, biased(tape, vars, false, positions, lg_sub),
+                             biased(tape, vars, true, velocities, lg_sub), parts);
 }
 
 void lg_machine_reference(const lg_machine *machine, double *positions) {
@@ -279,7 +267,7 @@ lg_status lg_machine_record_rest(lg_tape *tape, const lg_machine_vars *vars, con
                 positions[at.position + k] / (k < row->places ? machine->scales.place[at.place + k] : 1.0);
     }
     lg_var q0 = lg_input_f64(tape, lg_shape2(1, machine->positions), q);
-    if (positions != NULL) q0 = without_bias(tape, vars, false, q0);
+    if (positions != NULL) q0 = biased(tape, vars, false, q0, lg_sub);
     return record_true_state(tape, vars, q0, lg_input_f64(tape, lg_shape2(1, machine->velocities), v), parts);
 }
 
@@ -306,7 +294,7 @@ static lg_var true_positions(lg_tape *tape, const lg_machine_vars *vars, const l
 }
 
 lg_var lg_machine_record_positions(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
-    return with_bias(tape, vars, false, true_positions(tape, vars, parts));
+    return biased(tape, vars, false, true_positions(tape, vars, parts), lg_add);
 }
 
 /* omega = q x q', (B, directions, 3). */
@@ -328,7 +316,7 @@ lg_var lg_machine_record_mass(lg_tape *tape, const lg_machine_vars *vars, const 
 }
 
 lg_var lg_machine_record_velocities(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
-    return with_bias(tape, vars, true, lg_machine_record_rates(tape, vars, parts));
+    return biased(tape, vars, true, lg_machine_record_rates(tape, vars, parts), lg_add);
 }
 
 /* ---- energy and forces ---- */

@@ -140,7 +140,7 @@ static lg_var row(const sticking *k, lg_var x) {
 static lg_var accelerate(const sticking *k, const lg_machine_motion *at, lg_var keep) {
     const lg_var F = lg_mul(k->tape, keep, at->F);
     const lg_var down = column(k, keep), across = lg_reshape(k->tape, down, lg_shape3(k->rows, 1, k->n)),
-                 unit = lg_mul(k->tape, lg_machine_unit_matrix(k->tape, k->n), opposite(k, across));
+                 unit = lg_mul(k->tape, lg_unit_matrix(k->tape, k->n), opposite(k, across));
     const lg_var held = lg_add(k->tape, lg_mul(k->tape, lg_mul(k->tape, mass(k, at->M), down), across), unit);
     return row(k, lg_spd_solve(k->tape, held, column(k, F)));
 }
@@ -347,7 +347,7 @@ static lg_var velocities_of(const sticking *k, lg_var M) {
     const lg_machine *machine = k->vars->machine;
     const lg_var p = k->parts[lg_machine_parts(machine).m];
     const lg_var v = row(k, solve(k, M, column(k, p)));
-    const lg_var unit = lg_broadcast_to(t, lg_machine_unit_matrix(t, k->n), lg_shape3(k->rows, k->n, k->n));
+    const lg_var unit = lg_broadcast_to(t, lg_unit_matrix(t, k->n), lg_shape3(k->rows, k->n, k->n));
     const lg_var W = lg_stop_gradient(t, solve(k, M, unit)),
                  size = lg_matmul(t, lg_abs(t, mass(k, M)), lg_abs(t, column(k, v)));
     const lg_var noise = lg_scale(t, row(k, lg_matmul(t, lg_abs(t, W), size)), 8.0 * DBL_EPSILON);

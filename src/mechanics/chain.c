@@ -57,12 +57,13 @@ void lg_chain_velocity_of_omega(size_t links, const double *y, double *v) {
     for (size_t i = 0; i < links; i++) lg_cross3(y + 6 * i + 3, y + 6 * i, v + 3 * i);
 }
 
-void lg_chain_omega_of_velocity(size_t links, const double *v, double *y) {
+static void put_omega(size_t links, const double *v, double *y) {
     for (size_t i = 0; i < links; i++) lg_cross3(y + 6 * i, v + 3 * i, y + 6 * i + 3);
 }
 
-/* v_i is tangent, so projecting the whole sum leaves its term m_ii v_i unchanged. */
-void lg_chain_momentum_of_velocity(const lg_chain *chain, const double *v, double *y, double *work) {
+/* p_i = P_i sum_j m_ij v_j, P_i = I - q_i q_i^T. v_i is tangent, so projecting the whole sum leaves its term
+ * m_ii v_i unchanged. work: 3k doubles. */
+static void put_momentum(const lg_chain *chain, const double *v, double *y, double *work) {
     apply_m(chain, v, work);
     for (size_t i = 0; i < chain->links; i++) {
         double *q = y + 6 * i;
@@ -93,25 +94,63 @@ double lg_chain_energy(const lg_chain *chain, const double *y, const double *v) 
     return kinetic + potential;
 }
 
-void lg_chain_nodes(const lg_chain *chain, const double *y, const double *v, double *out) {
-    const size_t k = chain->links;
+/* ---- members of both forms, which work with velocities ---- */
+
+/* v (k, 3) of the state. */
+static lg_status take(const lg_system *system, const double *y, double *v, double *work) {
+    const lg_chain chain = lg_chain_of(system);
+    if (system->row->structure == LG_STRUCTURE_HAMILTONIAN)
+        return lg_chain_gradient(&chain, y, v, work, work + 3 * chain.links);
+    lg_chain_velocity_of_omega(chain.links, y, v);
+    return LG_OK;
+}
+
+/* Writes omega or p of v into the state. */
+static void put(const lg_system *system, const double *v, double *y, double *work) {
+    const lg_chain chain = lg_chain_of(system);
+    if (system->row->structure == LG_STRUCTURE_HAMILTONIAN)
+        put_momentum(&chain, v, y, work);
+    else
+        put_omega(chain.links, v, y);
+}
+
+lg_status lg_chain_step(void *user, double t, double h, double *y) {
+    const lg_system_user *own = user;
+    const lg_chain chain = lg_chain_of(own->system);
+    double *v = own->work, *rest = v + 3 * chain.links;
+    LG_TRY(take(own->system, y, v, rest));
+    LG_TRY(lg_chain_rattle(&chain, h, y, v, rest));
+    put(own->system, v, y, rest);
+    return LG_OK;
+}
+
+lg_status lg_chain_plane(const lg_system *system, lg_rng *rng, double *y) {
+    const lg_chain chain = lg_chain_of(system);
+    double v[3 * LG_PLANE_LINKS], work[3 * LG_PLANE_LINKS];
+    LG_TRY(lg_chain_plane_start(&chain, rng, y, v));
+    put(system, v, y, work);
+    return LG_OK;
+}
+
+/* All x_i (k, 3), then all x_i' (k, 3). */
+lg_status lg_chain_observe(const lg_system *system, const double *y, double *out, double *v) {
+    const lg_chain chain = lg_chain_of(system);
+    const size_t k = chain.links;
+    LG_TRY(take(system, y, v, v + 3 * k));
     for (size_t i = 0; i < k; i++)
         for (size_t c = 0; c < 3; c++) {
             double *x = out + 3 * i + c, *dx = x + 3 * k;
-            *x = chain->length[i] * y[6 * i + c] + (i > 0 ? x[-3] : 0.0);
-            *dx = chain->length[i] * v[3 * i + c] + (i > 0 ? dx[-3] : 0.0);
+            *x = chain.length[i] * y[6 * i + c] + (i > 0 ? x[-3] : 0.0);
+            *dx = chain.length[i] * v[3 * i + c] + (i > 0 ? dx[-3] : 0.0);
         }
+    return LG_OK;
 }
 
 /* ---- public functions ---- */
 
-static bool is_chain(const lg_system *system) {
-    return system->row == &lg_system_row_chain_lagrangian || system->row == &lg_system_row_chain_hamiltonian;
-}
-
 static lg_status check_chain(const lg_system *system, const void *a, const void *b, const void *c) {
     if (!system || !a || !b || !c) return LG_INVALID_ARGUMENT;
-    return is_chain(system) ? LG_OK : LG_UNSUPPORTED;
+    return system->row->step == lg_chain_step ? LG_OK : LG_UNSUPPORTED;
 }
 
 lg_status lg_chain_mass_matrix(const lg_system *system, double *m) {
@@ -134,7 +173,7 @@ lg_status lg_chain_momenta(const lg_system *system, const double *from, double *
     const lg_chain chain = lg_chain_of(system);
     lg_chain_velocity_of_omega(chain.links, from, work);
     if (to != from) memcpy(to, from, 6 * chain.links * sizeof(*to));
-    lg_chain_momentum_of_velocity(&chain, work, to, work + 3 * chain.links);
+    put_momentum(&chain, work, to, work + 3 * chain.links);
     return LG_OK;
 }
 
@@ -144,6 +183,6 @@ lg_status lg_chain_velocities(const lg_system *system, const double *from, doubl
     double *v = work, *g = v + 3 * chain.links;
     LG_TRY(lg_chain_gradient(&chain, from, v, g, g + 3 * chain.links));
     if (to != from) memcpy(to, from, 6 * chain.links * sizeof(*to));
-    lg_chain_omega_of_velocity(chain.links, v, to);
+    put_omega(chain.links, v, to);
     return LG_OK;
 }

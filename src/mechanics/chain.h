@@ -53,19 +53,20 @@ static inline lg_chain lg_chain_of(const lg_system *system) {
 /* Members that the rows of both forms have in common. */
 void lg_chain_prepare(lg_system *system, double *constants);
 extern const char *const lg_chain_invariants[];
+lg_status lg_chain_observe(const lg_system *system, const double *y, double *out, double *work);
+lg_status lg_chain_plane(const lg_system *system, lg_rng *rng, double *y);
+lg_status lg_chain_step(void *user, double t, double h, double *y);
+enum { CHAIN_WORK = 6 + 12 }; /* per link: v and g, then what lg_chain_gradient needs */
 #define LG_CHAIN_MEMBERS                                                                                     \
     .name = "pendulum-chain", .parameters = lg_chain_parameters, .state = state,                             \
     .factor = {{LG_SPACE_TS2, 0}}, .constants = CHAIN_CONSTANTS, .prepare = lg_chain_prepare,                \
-    .invariants = lg_chain_invariants, .invariant = invariant, .observed = 6, .observe = observe,            \
-    .plane = plane
+    .invariants = lg_chain_invariants, .invariant = invariant, .observed = 6, .observe = lg_chain_observe,   \
+    .plane = lg_chain_plane, .step = lg_chain_step, .work = CHAIN_WORK
 
 /* ---- velocities: q_i at y + 6 i, v contiguous (k, 3) ---- */
 
-/* For y = (q_1, omega_1, ...): v_i = omega_i x q_i, and back, omega_i = q_i x v_i. */
+/* For y = (q_1, omega_1, ...): v_i = omega_i x q_i. */
 void lg_chain_velocity_of_omega(size_t links, const double *y, double *v);
-void lg_chain_omega_of_velocity(size_t links, const double *v, double *y);
-/* Writes p_i = P_i sum_j m_ij v_j into y, P_i = I - q_i q_i^T. work: 3k doubles. */
-void lg_chain_momentum_of_velocity(const lg_chain *chain, const double *v, double *y, double *work);
 /* v_i = dH/dp_i and g_i = dH/dq_i (3k numbers each) at a point y (6k) of the manifold, in O(k). With
  * G_il = q_i.q_l, u_i = q_i.(W p)_i and the Hadamard product o, lambda solves (W o G) lambda = u, a symmetric
  * positive definite tridiagonal system. Then v_i = sum_j W_ij (p_j - lambda_j q_j) and
@@ -78,8 +79,6 @@ double lg_chain_vertical_momentum(const lg_chain *chain, const double *y, const 
 /* The energy 1/2 sum_l m_l |x_l'|^2 + V(q). */
 double lg_chain_energy(const lg_chain *chain, const double *y, const double *v);
 
-/* For lg_system_observe: all x_i (k, 3), then all x_i' (k, 3), from q_i at y + 6 i and v. */
-void lg_chain_nodes(const lg_chain *chain, const double *y, const double *v, double *out);
 /* Draws a start of kind LG_STARTS_PLANE: q_i at y + 6 i, and v. Errors: LG_UNSUPPORTED (more than
  * LG_PLANE_LINKS links), LG_NO_CONVERGENCE. */
 lg_status lg_chain_plane_start(const lg_chain *chain, lg_rng *rng, double *y, double *v);

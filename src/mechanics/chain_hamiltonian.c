@@ -62,36 +62,6 @@ static lg_status field_ambient(void *user, double t, const double *y, const doub
     return sound(split_work(chain.links, own->work + 6 * chain.links).lambda);
 }
 
-/* ---- a step of the variational integrator, which works with velocities ---- */
-
-static lg_status step(void *user, double t, double h, double *y) {
-    const lg_system_user *own = user;
-    const lg_chain chain = lg_chain_of(own->system);
-    double *v = own->work, *rest = v + 3 * chain.links;
-    LG_TRY(lg_chain_gradient(&chain, y, v, rest, rest + 3 * chain.links));
-    LG_TRY(lg_chain_rattle(&chain, h, y, v, rest));
-    lg_chain_momentum_of_velocity(&chain, v, y, rest);
-    return LG_OK;
-}
-
-/* ---- observation, starts in a plane ---- */
-
-static lg_status observe(const lg_system *system, const double *y, double *out, double *work) {
-    const lg_chain chain = lg_chain_of(system);
-    double *v = work, *g = v + 3 * chain.links;
-    LG_TRY(lg_chain_gradient(&chain, y, v, g, g + 3 * chain.links));
-    lg_chain_nodes(&chain, y, v, out);
-    return LG_OK;
-}
-
-static lg_status plane(const lg_system *system, lg_rng *rng, double *y) {
-    const lg_chain chain = lg_chain_of(system);
-    double v[3 * LG_PLANE_LINKS], work[3 * LG_PLANE_LINKS];
-    LG_TRY(lg_chain_plane_start(&chain, rng, y, v));
-    lg_chain_momentum_of_velocity(&chain, v, y, work);
-    return LG_OK;
-}
-
 static const lg_state_entry state[] = {
     {.key = "q", .outer = 0, .rows = 1, .columns = 3, .first = 0, .stride = 6},
     {.key = "p", .outer = 0, .rows = 1, .columns = 3, .first = 3, .stride = 6},
@@ -102,8 +72,6 @@ const lg_system_row lg_system_row_chain_hamiltonian = {
     .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {[LG_COORDINATES_LIE] = field_lie, [LG_COORDINATES_AMBIENT] = field_ambient},
     .extended = true,
-    .work = 6 + 12, /* v and g, then chain_work */
-    .step = step,
     .lanes = LG_LANES_CHAIN_HAMILTONIAN,
     .taped = lg_chain_taped_hamiltonian,
     LG_CHAIN_MEMBERS,

@@ -39,35 +39,10 @@ static lg_status field_ambient(void *user, double t, const double *y, const doub
     return LG_OK;
 }
 
-static lg_status step(void *user, double t, double h, double *y) {
-    const lg_system_user *own = user;
-    const lg_chain chain = lg_chain_of(own->system);
-    double *v = own->work;
-    lg_chain_velocity_of_omega(chain.links, y, v);
-    LG_TRY(lg_chain_rattle(&chain, h, y, v, v + 3 * chain.links));
-    lg_chain_omega_of_velocity(chain.links, v, y);
-    return LG_OK;
-}
-
 static double invariant(const lg_system *system, size_t index, const double *y, double *work) {
     const lg_chain chain = lg_chain_of(system);
     lg_chain_velocity_of_omega(chain.links, y, work);
     return index == 0 ? lg_chain_energy(&chain, y, work) : lg_chain_vertical_momentum(&chain, y, work);
-}
-
-static lg_status observe(const lg_system *system, const double *y, double *out, double *work) {
-    const lg_chain chain = lg_chain_of(system);
-    lg_chain_velocity_of_omega(chain.links, y, work);
-    lg_chain_nodes(&chain, y, work, out);
-    return LG_OK;
-}
-
-static lg_status plane(const lg_system *system, lg_rng *rng, double *y) {
-    const lg_chain chain = lg_chain_of(system);
-    double v[3 * LG_PLANE_LINKS];
-    LG_TRY(lg_chain_plane_start(&chain, rng, y, v));
-    lg_chain_omega_of_velocity(chain.links, v, y);
-    return LG_OK;
 }
 
 static const lg_state_entry state[] = {
@@ -78,9 +53,7 @@ static const lg_state_entry state[] = {
 const lg_system_row lg_system_row_chain_lagrangian = {
     .form = "lagrangian",
     .structure = LG_STRUCTURE_LAGRANGIAN,
-    .work = 6 + 12, /* as much as lg_chain_velocities needs, which needs the most: v and g, then chain_work */
     .field = {[LG_COORDINATES_LIE] = field_lie, [LG_COORDINATES_AMBIENT] = field_ambient},
-    .step = step,
     .lanes = LG_LANES_CHAIN_LAGRANGIAN,
     .taped = lg_chain_taped_lagrangian,
     LG_CHAIN_MEMBERS,

@@ -2,42 +2,18 @@
  * Lagrangian form a custom operation computes the value, and the adjoint for lg_backward, in O(k)
  * (chain_derivatives.c). All other derivatives use the composition, which takes 4 times as long with 2 links
  * and 60 times with 150. */
-#include "liegrad/ops.h"
 #include "mechanics/chain_derivatives.h"
+#include "mechanics/engine.h"
 
 /* ---- constants ---- */
-
-static void put(lg_tape *tape, void *values, size_t index, double value) {
-    lg_put_numbers(lg_tape_dtype(tape), values, index, &value, 1);
-}
-
-/* A constant (1, k, k) that is tridiagonal, with constant diagonals `below`, `main` and `above`. */
-static lg_var band(lg_tape *tape, uint32_t k, double below, double main, double above) {
-    void *values = NULL;
-    lg_var out = lg_input_buffer(tape, lg_shape3(1, k, k), &values);
-    if (lg_is_none(out)) return out;
-    for (size_t i = 0; i < k; i++)
-        for (size_t j = 0; j < k; j++)
-            put(tape, values, i * k + j, i == j ? main : i == j + 1 ? below : j == i + 1 ? above : 0.0);
-    return out;
-}
-
-/* A constant (1, k, k): 1 on and above the diagonal, 0 below. */
-static lg_var upper_ones(lg_tape *tape, uint32_t k) {
-    void *values = NULL;
-    lg_var out = lg_input_buffer(tape, lg_shape3(1, k, k), &values);
-    if (lg_is_none(out)) return out;
-    for (size_t i = 0; i < k; i++)
-        for (size_t j = 0; j < k; j++) put(tape, values, i * k + j, j >= i ? 1.0 : 0.0);
-    return out;
-}
 
 /* A constant (1, rows, 3): e3 in the first row, 0 in the others. */
 static lg_var e3_first(lg_tape *tape, uint32_t rows) {
     void *values = NULL;
     lg_var out = lg_input_buffer(tape, lg_shape3(1, rows, 3), &values);
     if (lg_is_none(out)) return out;
-    for (size_t i = 0; i < 3 * (size_t)rows; i++) put(tape, values, i, i == 2 ? 1.0 : 0.0);
+    for (size_t i = 0; i < 3 * (size_t)rows; i++)
+        lg_put_numbers(lg_tape_dtype(tape), values, i, &(double){i == 2}, 1);
     return out;
 }
 
@@ -60,9 +36,9 @@ static taped_chain bind(lg_tape *tape, uint32_t k, lg_var parameters) {
     c.length = lg_reshape(tape, lg_slice(tape, parameters, 0, 1 + k, k), column);
     c.light = lg_pow(tape, c.mass, -1.0);
     c.curvature = lg_pow(tape, c.length, -1.0);
-    lg_var diagonal = lg_matmul(tape, band(tape, k, 1.0, 1.0, 0.0), c.light);
-    c.links = lg_mul(tape, band(tape, k, 0.0, 1.0, 0.0), diagonal);
-    lg_var above = lg_mul(tape, band(tape, k, 0.0, 0.0, -1.0), c.light);
+    lg_var diagonal = lg_matmul(tape, lg_band_matrix(tape, k, 1.0, 1.0, 0.0), c.light);
+    c.links = lg_mul(tape, lg_band_matrix(tape, k, 0.0, 1.0, 0.0), diagonal);
+    lg_var above = lg_mul(tape, lg_band_matrix(tape, k, 0.0, 0.0, -1.0), c.light);
     c.coupling = lg_add(tape, above, lg_transpose(tape, above));
     return c;
 }
@@ -79,8 +55,8 @@ static lg_var compose(lg_tape *tape, lg_var q, lg_var omega, lg_var parameters) 
     lg_var weight = lg_sum_axis(tape, lg_mul(tape, gravity, q), -1, true);
     lg_var b = lg_sub(tape, lg_mul(tape, c.length, lg_rownorm2(tape, omega)), weight);
     lg_var pull = lg_mul(tape, lg_spd_solve(tape, T, b), q);
-    lg_var a = lg_mul(tape, c.light, lg_matmul(tape, band(tape, k, 0.0, -1.0, 1.0), pull));
-    lg_var jump = lg_sub(tape, lg_matmul(tape, band(tape, k, -1.0, 1.0, 0.0), a), gravity);
+    lg_var a = lg_mul(tape, c.light, lg_matmul(tape, lg_band_matrix(tape, k, 0.0, -1.0, 1.0), pull));
+    lg_var jump = lg_sub(tape, lg_matmul(tape, lg_band_matrix(tape, k, -1.0, 1.0, 0.0), a), gravity);
     lg_var second = lg_mul(tape, c.curvature, jump);
     return lg_sub(tape, lg_mul(tape, q, lg_rowdot(tape, q, second)), second);
 }
@@ -165,16 +141,42 @@ lg_status lg_chain_taped_hamiltonian(const lg_system *system, lg_tape *tape, lg_
                                      lg_var input, lg_var parameters, lg_var *algebra) {
     const uint32_t k = (uint32_t)system->links;
     const taped_chain c = bind(tape, k, parameters);
-    lg_var q = y[0], p = y[1];
     lg_var scaled = lg_mul(tape, lg_add(tape, c.links, c.coupling), c.curvature);
     lg_var W = lg_mul(tape, scaled, lg_transpose(tape, c.curvature));
-    lg_var u = lg_rowdot(tape, q, lg_matmul(tape, W, p));
-    lg_var lambda = lg_spd_solve(tape, lg_mul(tape, W, lg_matmul_nt(tape, q, q)), u);
-    lg_var v = lg_matmul(tape, W, lg_sub(tape, p, lg_mul(tape, lambda, q)));
-    lg_var mu = lg_matmul(tape, upper_ones(tape, k), c.mass);
+    lg_var lambda, v = lg_tied_velocity(tape, W, y[0], y[1], &lambda);
+    lg_var mu = lg_matmul(tape, lg_upper_ones(tape, k), c.mass);
     lg_var weight = lg_mul(tape, c.gravity, lg_mul(tape, mu, c.length)); /* (1, k, 1) */
     lg_var g = lg_sub(tape, lg_mul(tape, weight, e3_first(tape, 1)), lg_mul(tape, lambda, v));
-    algebra[0] = lg_cross(tape, q, v);
-    algebra[1] = lg_add(tape, lg_cross(tape, g, q), lg_cross(tape, v, p));
+    const lg_var dH[2] = {g, v};
+    algebra[0] = lg_bracket_rate(tape, y, dH);
+    algebra[1] = lg_bracket_change(tape, y, dH);
     return lg_tape_status(tape);
 }
+
+/* ---- the row: m_ij = mu_max(i,j) L_i L_j, V = sum_i mu_i g L_i e3.q_i, mu_i = m_i + m_{i+1} + ... ---- */
+
+/* The matrix A (1, k, k) with A_il = L_i for l >= i, else 0. M is A diag(m) A^T. */
+static lg_var summing(lg_tape *tape, const lg_at *at) {
+    const uint32_t k = at->size;
+    return lg_mul(tape, lg_reshape(tape, lg_row_numbers(tape, at, 1 + k, k), lg_shape3(1, k, 1)),
+                  lg_upper_ones(tape, k));
+}
+
+static lg_var mass(lg_tape *tape, const lg_at *at) {
+    const uint32_t k = at->size;
+    const lg_var A = summing(tape, at),
+                 m = lg_reshape(tape, lg_row_numbers(tape, at, 1, k), lg_shape3(1, 1, k));
+    return lg_matmul_nt(tape, lg_mul(tape, A, m), A);
+}
+
+static lg_var potential(lg_tape *tape, const lg_at *at) {
+    const uint32_t k = at->size;
+    const lg_var m = lg_reshape(tape, lg_row_numbers(tape, at, 1, k), lg_shape3(1, k, 1));
+    const lg_var heights = lg_slice(tape, at->state[0], 2, 2, 1); /* (B, k, 1) */
+    const lg_var all = lg_mul(tape, heights, lg_matmul(tape, summing(tape, at), m));
+    const lg_var V = lg_sum_axis(tape, lg_reshape(tape, all, lg_shape2(at->rows, k)), 1, true);
+    return lg_mul(tape, V, lg_row_number(tape, at, 0));
+}
+
+const lg_energy_row lg_energy_chain = {"pendulum-chain",          lg_chain_parameters, mass, potential, 0,
+                                       {LG_COORDINATE_DIRECTION}, .seen = ~0U};

@@ -29,6 +29,7 @@
 
 #include <float.h>
 
+#include "mechanics/engine.h"
 #include "mechanics/fields/scalars.h"
 
 #include "mechanics/fields/plain.inc"
@@ -164,3 +165,17 @@ const lg_system_row lg_system_row_top_quadratic = {
     .taped = lg_quadratic_taped,
     SPATIAL,
 };
+
+/* ---- the row: M = diag(I), V = m L gamma0.R chi ---- */
+
+static lg_var potential(lg_tape *tape, const lg_at *at) {
+    const lg_var R = lg_reshape(tape, at->state[0], lg_shape3(at->rows, 3, 3));
+    const lg_var chi = lg_reshape(tape, lg_row_numbers(tape, at, CHI, 3), lg_shape3(1, 3, 1)),
+                 gamma0 = lg_reshape(tape, lg_row_numbers(tape, at, GAMMA0, 3), lg_shape3(1, 1, 3));
+    const lg_var along = lg_matmul(tape, gamma0, lg_matmul(tape, R, chi)); /* (B, 1, 1) */
+    const lg_var weight = lg_mul(tape, lg_row_number(tape, at, MASS), lg_row_number(tape, at, LENGTH));
+    return lg_mul(tape, lg_reshape(tape, along, lg_shape2(at->rows, 1)), weight);
+}
+
+const lg_energy_row lg_energy_top = {
+    "heavy-top", parameters, lg_row_diagonal, potential, 1, {LG_COORDINATE_ROTATION}, .seen = 1};

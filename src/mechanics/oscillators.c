@@ -2,7 +2,7 @@
  * that are coupled through the kinetic energy (quartic); and two uncoupled oscillators, the first of them
  * harmonic, whose energy G is a further first integral (coupled-oscillators, for the experiment with noise).
  */
-#include "liegrad/ops.h"
+#include "mechanics/engine.h"
 #include "mechanics/fields/scalars.h"
 #include "mechanics/system.h"
 
@@ -53,9 +53,7 @@ static lg_status identity_velocity(const lg_system *system, lg_tape *tape, lg_ta
     return lg_tape_status(tape);
 }
 
-#define SEPARABLE                                                                                            \
-    .parameters = no_parameters, .separable = true, .structure = LG_STRUCTURE_HAMILTONIAN,                   \
-    .field = {lg_separable_field}, .taped = lg_separable_taped
+#define SEPARABLE .parameters = no_parameters, .structure = LG_STRUCTURE_HAMILTONIAN
 const lg_system_row lg_system_row_oscillator = {
     .name = "oscillator",
     .state = one_degree,
@@ -142,3 +140,68 @@ const lg_system_row lg_system_row_coupled = {
     .taped_velocity = identity_velocity,
     SEPARABLE,
 };
+
+/* ---- rows of M and V, whose numbers are parameters ---- */
+
+/* sum_i c_i x_i^power / power, (B, 1), for power 2 or 4 and x (B, n). c has n numbers, or one for all x_i. */
+static lg_var springs(lg_tape *tape, lg_var c, lg_var x, double power) {
+    const lg_var all =
+        lg_mul(tape, power == 2.0 ? lg_square(tape, x) : lg_square(tape, lg_square(tape, x)), c);
+    return lg_scale(tape, lg_sum_axis(tape, all, 1, true), 1.0 / power);
+}
+
+static const double one = 1.0, ones[2] = {1.0, 1.0};
+#define STIFFNESS(n, fallback)                                                                               \
+    { "stiffness", "k", n, LG_PARAMETER_POSITIVE, fallback, "of the spring, N/m" }
+#define CUBIC(n, fallback)                                                                                   \
+    { "cubic", "c", n, LG_PARAMETER_FINITE, fallback, "c q^4/4 in V, N/m^3" }
+
+/* ---- oscillator: 1/2 m q'^2 + 1/2 k q^2 ---- */
+
+static const lg_parameter_entry oscillator_parameters[] = {
+    {"mass", "m", 1, LG_PARAMETER_POSITIVE, &one, "mass, kg"}, STIFFNESS(1, &one), {.key = NULL}};
+
+static lg_var oscillator_potential(lg_tape *tape, const lg_at *at) {
+    return springs(tape, lg_row_number(tape, at, 1), at->state[0], 2.0);
+}
+
+const lg_energy_row lg_energy_oscillator = {
+    "oscillator", oscillator_parameters, lg_row_diagonal, oscillator_potential, 1, {LG_COORDINATE_LINE},
+    .seen = 1};
+
+/* ---- quartic: M = [5 1; 1 5]/24, V = sum_i k_i q_i^2/2 + c_i q_i^4/4 ---- */
+
+static const lg_parameter_entry quartic_parameters[] = {
+    {"mass", "m", 1, LG_PARAMETER_POSITIVE, &one, "factor of the mass matrix, kg"},
+    STIFFNESS(2, ones),
+    CUBIC(2, ones),
+    {.key = NULL}};
+
+static lg_var quartic_mass(lg_tape *tape, const lg_at *at) {
+    return lg_row_times_matrix(tape, lg_row_number(tape, at, 0), 5.0 / 24.0, 1.0 / 24.0, 5.0 / 24.0);
+}
+
+static lg_var quartic_potential(lg_tape *tape, const lg_at *at) {
+    return lg_add(tape, springs(tape, lg_row_numbers(tape, at, 1, 2), at->state[0], 2.0),
+                  springs(tape, lg_row_numbers(tape, at, 3, 2), at->state[0], 4.0));
+}
+
+const lg_energy_row lg_energy_quartic = {"quartic",         quartic_parameters, quartic_mass,
+                                         quartic_potential, LG_TWO(LINE, LINE), .seen = 3};
+
+/* ---- coupled-oscillators: M = diag(m), V = sum_i k_i q_i^2/2 + c q_2^4/4 ---- */
+
+static const lg_parameter_entry coupled_parameters[] = {
+    {"masses", "m", 2, LG_PARAMETER_POSITIVE, ones, "masses, kg"},
+    STIFFNESS(2, ones),
+    CUBIC(1, &one),
+    {.key = NULL}};
+
+static lg_var coupled_potential(lg_tape *tape, const lg_at *at) {
+    const lg_var second = lg_slice(tape, at->state[0], 1, 1, 1);
+    return lg_add(tape, springs(tape, lg_row_numbers(tape, at, 2, 2), at->state[0], 2.0),
+                  springs(tape, lg_row_number(tape, at, 4), second, 4.0));
+}
+
+const lg_energy_row lg_energy_coupled = {"coupled-oscillators", coupled_parameters, lg_row_diagonal,
+                                         coupled_potential,     LG_TWO(LINE, LINE), .seen = 3};

@@ -12,6 +12,7 @@
 
 #include <float.h>
 
+#include "mechanics/engine.h"
 #include "mechanics/fields/scalars.h"
 
 #include "mechanics/fields/plain.inc"
@@ -82,3 +83,8 @@ const lg_system_row lg_system_row_attitude = {
     .lanes = LG_LANES_ATTITUDE,
     .taped = lg_attitude_taped,
 };
+
+/* ---- the row: M = diag(I) ---- */
+
+const lg_energy_row lg_energy_attitude = {"rigid-body-attitude",    parameters, lg_row_diagonal, NULL, 1,
+                                          {LG_COORDINATE_ROTATION}, .seen = 0};

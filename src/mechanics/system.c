@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "mechanics/engine.h"
+
 static const lg_system_row *const rows[] = {
     &lg_system_row_oscillator,       &lg_system_row_quartic,           &lg_system_row_coupled,
     &lg_system_row_chain_lagrangian, &lg_system_row_chain_hamiltonian, &lg_system_row_rigid_body,
@@ -13,7 +15,11 @@ static const lg_system_row *const rows[] = {
     &lg_system_row_quadrotors,
 };
 
-/* ---- the table ---- */
+/* ---- the tables ---- */
+
+const lg_energy_row *const lg_energy_rows[] = {
+    &lg_energy_oscillator, &lg_energy_quartic,   &lg_energy_coupled, &lg_energy_attitude, &lg_energy_top,
+    &lg_energy_chain,      &lg_energy_cart_pole, &lg_energy_rotary,  &lg_energy_arm,      NULL};
 
 bool lg_system_at(size_t index, const char **name, const char **form) {
     if (index >= LG_COUNT(rows)) return false;
@@ -385,7 +391,7 @@ bool lg_system_constrained(const lg_system *system) {
 }
 
 bool lg_system_separable(const lg_system *system) {
-    return system->row->separable;
+    return system->row->force != NULL;
 }
 
 /* Doubles of workspace that the row needs. If the ambient field is generated from the LIE field, the
@@ -453,8 +459,16 @@ static lg_status generated_field(void *user, double t, const double *y, const do
     return LG_OK;
 }
 
+static lg_status separable_field(void *user, double t, const double *y, const double *input, double *out) {
+    const lg_system *system = ((const lg_system_user *)user)->system;
+    const size_t n = system->space.dim / 2;
+    LG_TRY(system->row->velocity(user, t, y + n, input, out));
+    return system->row->force(user, t, y, input, out + n);
+}
+
 static lg_vector_field field_of(const lg_system *system, lg_coordinates coordinates) {
     const lg_system_row *row = system->row;
+    if (lg_system_separable(system)) return separable_field;
     if (coordinates == LG_COORDINATES_LIE || row->field[coordinates]) return row->field[coordinates];
     return lg_system_constrained(system) ? generated_field : row->field[LG_COORDINATES_LIE];
 }
@@ -480,10 +494,31 @@ lg_status lg_system_ode(const lg_system *system, lg_coordinates coordinates, lg_
 
 /* ---- fields on a tape ---- */
 
+static lg_status taped_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
+                             lg_var *out) {
+    const lg_system_taped_user *own = user;
+    return own->system->row->taped_force(own->system, tape, t, q, input, own->parameters, out);
+}
+
+static lg_status taped_velocity(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input,
+                                lg_var *out) {
+    const lg_system_taped_user *own = user;
+    return own->system->row->taped_velocity(own->system, tape, t, p, input, own->parameters, out);
+}
+
 static lg_status taped_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                              lg_var *algebra) {
     const lg_system_taped_user *own = user;
-    return own->system->row->taped(own->system, tape, t, y, input, own->parameters, algebra);
+    const uint32_t n = (uint32_t)own->system->space.dim / 2;
+    lg_var half[2] = {LG_NONE, LG_NONE};
+    if (!lg_system_separable(own->system))
+        return own->system->row->taped(own->system, tape, t, y, input, own->parameters, algebra);
+    const lg_var p = lg_slice(tape, y[0], -1, n, n);
+    LG_TRY(taped_velocity(user, tape, t, p, input, &half[0]));
+    const lg_var q = lg_slice(tape, y[0], -1, 0, n);
+    LG_TRY(taped_force(user, tape, t, q, input, &half[1]));
+    algebra[0] = lg_concat(tape, half, 2, -1);
+    return lg_tape_status(tape);
 }
 
 static lg_status taped_ambient(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
@@ -496,18 +531,6 @@ static lg_status taped_ambient(void *user, lg_tape *tape, lg_taped_time t, const
     LG_TRY(lg_taped_generator(tape, space, algebra, parts, velocity));
     *out = lg_taped_join(tape, space, velocity);
     return lg_tape_status(tape);
-}
-
-static lg_status taped_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
-                             lg_var *out) {
-    const lg_system_taped_user *own = user;
-    return own->system->row->taped_force(own->system, tape, t, q, input, own->parameters, out);
-}
-
-static lg_status taped_velocity(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input,
-                                lg_var *out) {
-    const lg_system_taped_user *own = user;
-    return own->system->row->taped_velocity(own->system, tape, t, p, input, own->parameters, out);
 }
 
 lg_status lg_system_taped_ode(const lg_system *system, lg_coordinates coordinates, lg_var parameters,

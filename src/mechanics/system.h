@@ -31,7 +31,6 @@ typedef struct lg_system_row {
     const char *name, *form;              /* form is NULL if the system has one form only */
     const lg_parameter_entry *parameters; /* the list ends with a NULL key */
     const lg_state_entry *state;          /* the list ends with a NULL key */
-    bool separable;                       /* force and velocity are set, plain and taped */
     size_t unreported;                    /* numbers at the end of the state that are not reported */
     /* The factors of the space; the list ends with zeros. A count of 0 is one copy per link. */
     lg_space_factor factor[LG_SPACE_MAX_FACTORS + 1];
@@ -55,13 +54,14 @@ typedef struct lg_system_row {
     lg_lane_system lanes; /* the same fields on lanes; LG_LANES_NONE: not available */
     /* Off the manifold field[AMBIENT] differs from the generator of field[LIE]; it has no taped form. */
     bool extended;
+    /* Separable systems on R^2n have these instead of `field`: y' = (velocity(p), force(q)), y = (q, p). */
     lg_half_field force, velocity;
     lg_variational_step step; /* NULL: not available; its user is an lg_system_user */
     /* The LIE field on a tape, for batches as in liegrad/taped.h. `parameters` (P) holds all parameters in
      * the order of the table. Differentiable to any order in both, unless the row's file says otherwise. */
     lg_status (*taped)(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                        lg_var parameters, lg_var *algebra);
-    /* Force and velocity on a tape, for splitting schemes; NULL: not available. */
+    /* Force and velocity on a tape, which separable systems have instead of `taped`. */
     lg_status (*taped_force)(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
                              lg_var parameters, lg_var *out);
     lg_status (*taped_velocity)(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var p,
@@ -102,11 +102,6 @@ void lg_parameter_label(const lg_parameter_entry *table, size_t links, size_t in
 const char *lg_trajectory_fault(const lg_trajectory_options *options);
 /* Adds the noise of trajectory `number` to its points of d numbers. */
 void lg_trajectory_disturb(const lg_trajectory_options *options, size_t d, size_t number, double *trajectory);
-
-/* `field` and `taped` for the rows of separable systems on R^2n: y' = (velocity(p), force(q)), y = (q, p). */
-lg_status lg_separable_field(void *user, double t, const double *y, const double *input, double *out);
-lg_status lg_separable_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
-                             lg_var input, lg_var parameters, lg_var *algebra);
 
 /* The rows. The first form of a system is its default. */
 extern const lg_system_row lg_system_row_oscillator, lg_system_row_quartic, lg_system_row_coupled;

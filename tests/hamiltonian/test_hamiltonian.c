@@ -842,7 +842,7 @@ static void driven_by(const lg_hamiltonian_family *family, uint32_t n, const lg_
     assert_ok(lg_taped_split(tape, space, lg_input_f64(tape, shape, y), parts));
     assert_ok(lg_taped_split(tape, space, lg_input_f64(tape, shape, dH), slopes));
     const lg_hamiltonian model = {.family = family, .n = n};
-    family->field(&model, tape, parts, slopes, LG_NONE, out);
+    lg_hamiltonian_record_algebra(tape, &model, 1.0, parts, slopes, LG_NONE, out);
     assert_ok(lg_taped_generator(tape, space, out, parts, out));
     assert_ok(lg_read(tape, lg_taped_join(tape, space, out), space->dim, velocity));
 }
@@ -947,7 +947,7 @@ TEST("a family of the caller may have no arrays, no input and no gradient") {
     enum { COPIES = 3 };
     lg_hamiltonian_family own = lg_hamiltonian_separable;
     own.arrays[0].rank = 0, own.bind = NULL, own.forces = 0, own.energy = free_energy, own.gradient = NULL;
-    own.force = NULL, own.drift = NULL, own.scheme = "rk4";
+    own.drift = NULL, own.scheme = "rk4";
     const built b = build_hamiltonian(&own, COPIES, LG_POTENTIAL_MLP, LG_TANH);
     const double h = 1e-5;
     double y[2 * COPIES], f[2 * COPIES];

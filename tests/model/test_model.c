@@ -321,7 +321,7 @@ static void check_scheme(const moving *s, const lg_scheme *scheme) {
 static bool fits(const built *b, const lg_scheme *scheme) {
     if (scheme->kind == LG_SCHEME_VARIATIONAL || scheme->kind == LG_SCHEME_SLGI) return false;
     const lg_space space = space_of(b);
-    if (scheme->kind == LG_SCHEME_SPLITTING) return b->hamiltonian.family->force != NULL;
+    if (scheme->kind == LG_SCHEME_SPLITTING) return b->hamiltonian.family->drift != NULL;
     return lg_space_is_abelian(&space) || !scheme->ambient;
 }
 

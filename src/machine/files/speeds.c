@@ -40,12 +40,11 @@ lg_status lg_machine_refuse_positions(lg_machine_reading *r) {
         if (machine->coordinates[i].kind > LG_COORDINATE_ANGLE)
             return LG_FAULT(r, 1, "%s: with `measured: velocities-only` a coordinate is a line or an angle",
                             machine->coordinates[i].name);
-    const lg_grey_system *system = machine->grey.system;
-    if (system != NULL) /* all systems of lines and angles have a potential */
+    if (machine->grey.system != NULL) /* all systems of lines and angles have a potential */
         return LG_FAULT(r, 1,
                         "system: %s depends on positions, but the log has velocities alone: log the "
                         "positions too",
-                        lg_grey_system_name(system));
+                        machine->grey.system->name);
     for (uint32_t t = 0; t < machine->term_count; t++)
         for (uint32_t k = 0; k < machine->terms[t].of_count; k++)
             if (uses(machine, &machine->terms[t], k))

@@ -169,19 +169,19 @@ static void add_row(const lg_machine *machine, question what, lg_machine_starts 
 }
 
 /* A machine of the system in which all parameters are unknown. */
-static bool make_system(const lg_grey_system *system, lg_machine *out) {
+static bool make_system(const lg_energy_row *system, lg_machine *out) {
     static const double start = 9.0;
     static const bool unknown = true;
-    const uint32_t wanted = lg_grey_system_coordinates(system), count = wanted > 0 ? wanted : 2;
+    const uint32_t wanted = system->count, count = wanted > 0 ? wanted : 2;
     *out = (lg_machine){.input_count = 1};
     lg_machine_scales_init(&out->scales);
     for (uint32_t i = 0; i < count; i++) {
         const char name[] = {(char)('a' + i), '\0'};
-        add_coordinate(out, name, lg_grey_system_coordinate(system, i));
+        add_coordinate(out, name, system->coordinates[wanted > 0 ? i : 0]);
     }
     (void)snprintf(out->inputs[0], sizeof out->inputs[0], "u");
-    if (lg_machine_set_system(out, lg_grey_system_name(system), NULL) != LG_OK) return false;
-    for (const lg_parameter_entry *p = lg_grey_system_parameters(system); p->key != NULL; p++) {
+    if (lg_machine_set_system(out, system->name, NULL) != LG_OK) return false;
+    for (const lg_parameter_entry *p = system->parameters; p->key != NULL; p++) {
         const bool given = p->fallback == NULL && p->rule != LG_PARAMETER_POSITIVE;
         if (lg_machine_set_parameter(out, p->key, given ? p->count : 0, &start, &unknown, NULL) != LG_OK)
             return false;
@@ -190,13 +190,13 @@ static bool make_system(const lg_grey_system *system, lg_machine *out) {
     return lg_machine_init(out, NULL) == LG_OK;
 }
 
-static void add_system(const lg_grey_system *system) {
+static void add_system(const lg_energy_row *system) {
     static const char *const names[] = {[ENERGY] = "energy", [FIELD] = "field"};
     lg_machine machine;
     char label[64];
     if (!make_system(system, &machine)) return;
     for (int what = ENERGY; what <= FIELD; what++) {
-        (void)snprintf(label, sizeof label, "%s, %s", lg_grey_system_name(system), names[what]);
+        (void)snprintf(label, sizeof label, "%s, %s", system->name, names[what]);
         add_row(&machine, (question)what, LG_MACHINE_STARTS_MEASURED, label);
     }
 }
@@ -228,7 +228,7 @@ static void add_all(void) {
     for (uint32_t part = 0; part < LG_MACHINE_PART_COUNT; part++)
         for (size_t i = 0; (kind = lg_term_kind_at((lg_machine_part)part, i)) != NULL; i++)
             add_kind((lg_machine_part)part, kind);
-    const lg_grey_system *system;
+    const lg_energy_row *system;
     for (size_t i = 0; (system = lg_grey_system_at(i)) != NULL; i++) add_system(system);
     if (!make_machine(LG_MACHINE_DAMPING, lg_term_kind_find(LG_MACHINE_DAMPING, "diagonal"), &machine))
         return;

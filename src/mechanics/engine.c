@@ -1,0 +1,86 @@
+/* Matrices, velocities and brackets on a tape; building blocks of rows. */
+#include "mechanics/engine.h"
+
+#include "core/numbers.h"
+
+/* ---- constant matrices ---- */
+
+/* Constant diagonals, and `beyond` further above the main one. */
+static lg_var matrix(lg_tape *tape, uint32_t n, double below, double main, double above, double beyond) {
+    void *values = NULL;
+    lg_var out = lg_input_buffer(tape, lg_shape3(1, n, n), &values);
+    if (lg_is_none(out)) return out;
+    const double diagonal[] = {0.0, below, main, above, beyond};
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) {
+            const size_t at = j + 1 < i ? 0 : j + 2 - i;
+            lg_put_numbers(lg_tape_dtype(tape), values, i * n + j, &diagonal[at < 4 ? at : 4], 1);
+        }
+    return out;
+}
+
+lg_var lg_band_matrix(lg_tape *tape, uint32_t n, double below, double main, double above) {
+    return matrix(tape, n, below, main, above, 0.0);
+}
+
+lg_var lg_unit_matrix(lg_tape *tape, uint32_t n) {
+    return matrix(tape, n, 0.0, 1.0, 0.0, 0.0);
+}
+
+lg_var lg_upper_ones(lg_tape *tape, uint32_t n) {
+    return matrix(tape, n, 0.0, 1.0, 1.0, 1.0);
+}
+
+/* ---- the field from the derivatives of H ---- */
+
+lg_var lg_tied_velocity(lg_tape *tape, lg_var W, lg_var q, lg_var p, lg_var *lambda) {
+    const lg_var along = lg_rowdot(tape, q, lg_matmul(tape, W, p));
+    *lambda = lg_spd_solve(tape, lg_mul(tape, W, lg_matmul_nt(tape, q, q)), along);
+    return lg_matmul(tape, W, lg_sub(tape, p, lg_mul(tape, *lambda, q)));
+}
+
+lg_var lg_columns_crossed(lg_tape *tape, lg_var a, lg_var b) {
+    const uint32_t rows = lg_var_shape(tape, a).dims[0], c = lg_var_shape(tape, a).dims[1];
+    const lg_shape matrices = lg_shape3(rows * c, 3, 3);
+    lg_var each = lg_cross(tape, lg_transpose(tape, lg_reshape(tape, a, matrices)),
+                           lg_transpose(tape, lg_reshape(tape, b, matrices)));
+    return lg_reshape(tape, lg_sum_axis(tape, each, 1, false), lg_shape2(rows, 3 * c));
+}
+
+lg_var lg_bracket_rate(lg_tape *tape, const lg_var *y, const lg_var *dH) {
+    const lg_shape shape = lg_var_shape(tape, y[0]);
+    if (shape.rank < 3) return dH[1];
+    if (shape.dims[2] == 3) return lg_cross(tape, y[0], dH[1]);
+    return lg_reshape(tape, dH[1], lg_shape3(shape.dims[0], shape.dims[1], 3));
+}
+
+lg_var lg_bracket_change(lg_tape *tape, const lg_var *y, const lg_var *dH) {
+    const lg_shape shape = lg_var_shape(tape, y[0]), tall = lg_shape3(shape.dims[0], shape.dims[1], 3);
+    if (shape.rank < 3) return lg_neg(tape, dH[0]);
+    if (shape.dims[2] == 3) return lg_add(tape, lg_cross(tape, dH[0], y[0]), lg_cross(tape, dH[1], y[1]));
+    lg_var carried = lg_cross(tape, lg_reshape(tape, dH[1], tall), lg_reshape(tape, y[1], tall));
+    return lg_add(tape, lg_columns_crossed(tape, dH[0], y[0]),
+                  lg_reshape(tape, carried, lg_var_shape(tape, y[1])));
+}
+
+/* ---- rows ---- */
+
+lg_var lg_row_numbers(lg_tape *tape, const lg_at *at, uint32_t first, uint32_t count) {
+    return lg_slice(tape, at->parameters, 0, first, count);
+}
+
+lg_var lg_row_number(lg_tape *tape, const lg_at *at, uint32_t place) {
+    return lg_row_numbers(tape, at, place, 1);
+}
+
+lg_var lg_row_diagonal(lg_tape *tape, const lg_at *at) {
+    const uint32_t n = at->size;
+    return lg_mul(tape, lg_reshape(tape, lg_row_numbers(tape, at, 0, n), lg_shape3(1, 1, n)),
+                  lg_unit_matrix(tape, n));
+}
+
+lg_var lg_row_times_matrix(lg_tape *tape, lg_var c, double a, double b, double d) {
+    const uint32_t rows = (uint32_t)lg_shape_count(lg_var_shape(tape, c));
+    const lg_var M = lg_input_f64(tape, lg_shape3(1, 2, 2), (const double[]){a, b, b, d});
+    return lg_mul(tape, lg_reshape(tape, c, lg_shape3(rows, 1, 1)), M);
+}

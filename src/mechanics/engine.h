@@ -1,0 +1,55 @@
+/* What systems, learned Hamiltonians and machines have in common on a tape: constant matrices, velocities and
+ * brackets, and the rows of mass matrices and potentials (lg_energy_row). Errors stick to the tape. */
+#ifndef LG_ENGINE_H
+#define LG_ENGINE_H
+
+#include "liegrad/mechanics.h"
+#include "liegrad/ops.h"
+
+/* ---- constant matrices (1, n, n) ---- */
+
+/* A tridiagonal matrix with constant diagonals `below`, `main` and `above`. */
+lg_var lg_band_matrix(lg_tape *tape, uint32_t n, double below, double main, double above);
+lg_var lg_unit_matrix(lg_tape *tape, uint32_t n);
+/* 1 on and above the diagonal, 0 below. */
+lg_var lg_upper_ones(lg_tape *tape, uint32_t n);
+
+/* ---- the field from the derivatives of H ---- */
+
+/* The velocities v = W (p - lambda q) of directions that the mass matrix W^-1 couples, q and p (B, k, 3), W
+ * (1, k, k). The multipliers lambda (B, k, 1) solve (W o q q^T) lambda = q.(W p), where W o q q^T has the
+ * elements W_ij q_i.q_j, so that q_i.v_i = 0. */
+lg_var lg_tied_velocity(lg_tape *tape, lg_var W, lg_var q, lg_var p, lg_var *lambda);
+
+/* The field of a position y[0] and its momentum y[1] as an algebra element: that of the position (rate) and
+ * that of the momentum (change), with g = dH[0], v = dH[1].
+ *   lines       (B, n)     v; -g
+ *   directions  (B, k, 3)  q x v; g x q + v x p
+ *   rotations   (B, c, 9)  omega = v; omega x pi - sum_j r_j x g_j, with the spatial momenta pi (B, 3 c) and
+ *               the columns r_j of R and g_j of g */
+lg_var lg_bracket_rate(lg_tape *tape, const lg_var *y, const lg_var *dH);
+lg_var lg_bracket_change(lg_tape *tape, const lg_var *y, const lg_var *dH);
+/* sum_j a_j x b_j over the columns of matrices a and b (B, c, 9), as (B, 3 c). */
+lg_var lg_columns_crossed(lg_tape *tape, lg_var a, lg_var b);
+
+/* ---- rows ---- */
+
+/* The table of rows (mechanics/system.c), ended by NULL. */
+extern const lg_energy_row *const lg_energy_rows[];
+extern const lg_energy_row lg_energy_oscillator, lg_energy_quartic, lg_energy_coupled, lg_energy_attitude,
+    lg_energy_top, lg_energy_chain, lg_energy_cart_pole, lg_energy_rotary, lg_energy_arm;
+
+/* The members `count` and `coordinates` of a row of two coordinates. */
+#define LG_TWO(first, second)                                                                                \
+    2, {                                                                                                     \
+        LG_COORDINATE_##first, LG_COORDINATE_##second                                                        \
+    }
+/* Parameters first .. first + count - 1, (count), and parameter `place`, (1). */
+lg_var lg_row_numbers(lg_tape *tape, const lg_at *at, uint32_t first, uint32_t count);
+lg_var lg_row_number(lg_tape *tape, const lg_at *at, uint32_t place);
+/* M = diag(parameters 0 .. n - 1). */
+lg_var lg_row_diagonal(lg_tape *tape, const lg_at *at);
+/* The matrix [a b; b d] times c; c is one number or (B, 1). */
+lg_var lg_row_times_matrix(lg_tape *tape, lg_var c, double a, double b, double d);
+
+#endif
