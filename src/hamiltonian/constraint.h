@@ -55,16 +55,13 @@ void lg_constraint_normals(lg_constraint_work *work, const double *q);
 /* The view of q at which g and G are known. */
 lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_constraint_view *out,
                                 lg_error *error);
-/* Rows of G (m, n) divided by their lengths. */
-void lg_constraint_unit_rows(const lg_constraint_work *work, double *unit, double *length);
-/* A K B^T for A, B (m, n); K (n, n) NULL: the unit matrix. */
-void lg_constraint_product(const lg_constraint *constraint, const double *A, const double *K, const double *B,
-                           double *out);
 /* x -= G^T (G K G^T)^-1 G K x with G of the work and K (n, n); NULL: the unit matrix. False: singular. */
 bool lg_constraint_clear(const lg_constraint_work *work, const double *K, double *x);
-/* Whether a change `moved` of a point whose numbers are at most `size` is rounding error; `before` is the
- * change before. */
-bool lg_constraint_settled(double moved, double before, double size);
+/* Newton's method for g(q) = 0 along W F^T: from the start q, W and F (m, n) go to q - W `impulse`, where
+ * `impulse` is F^T times multipliers. W NULL: the unit matrix; F NULL: G at each point. Sets work->G at
+ * the result. False: no convergence, or det G W F^T <= 0 at the result. */
+bool lg_constraint_land(lg_constraint_work *work, const double *W, const double *F, double *q,
+                        double *impulse);
 /* "q = (0.1, 0.2, ...)" for messages. */
 typedef struct lg_constraint_text {
     char text[160];

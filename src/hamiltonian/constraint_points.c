@@ -114,49 +114,37 @@ static double rank_of(lg_constraint_work *work, const double *q) {
 
 /* ---- linear algebra with the normals ---- */
 
-void lg_constraint_unit_rows(const lg_constraint_work *work, double *unit, double *length) {
+/* out = F^T (G K F^T)^-1 r for rows of G of length 1, with r = G K x; for x NULL r is g in units of the rows'
+ * lengths. K (n, n) NULL: the unit matrix; F (m, n) NULL: G. Returns the sign of det G K F^T; 0: singular.
+ * out NULL: the sign alone. */
+static int along_normals(const lg_constraint_work *work, const double *F, const double *K, const double *x,
+                         double *out) {
     const size_t n = work->of->n, m = work->of->m;
+    double unit[MOST * MOST], GK[MOST * MOST], turned[MOST * MOST], S[MOST * MOST];
+    double Kx[MOST], length[MOST], r[MOST], k[MOST];
     for (size_t a = 0; a < m; a++) {
         length[a] = lg_matrix_norm(n, work->G + a * n);
         for (size_t i = 0; i < n; i++) unit[a * n + i] = work->G[a * n + i] / length[a];
     }
-}
-
-void lg_constraint_product(const lg_constraint *constraint, const double *A, const double *K, const double *B,
-                           double *out) {
-    const size_t n = constraint->n, m = constraint->m;
-    double AK[MOST * MOST], turned[MOST * MOST];
-    if (K != NULL) lg_matrix_multiply(m, n, n, A, K, AK);
-    lg_matrix_transpose(m, n, B, turned);
-    lg_matrix_multiply(m, m, n, K != NULL ? AK : A, turned, out);
-}
-
-/* out = G^T (G K G^T)^-1 r for rows of G of length 1, with r = G K x; for x NULL r is g in units of the rows'
- * lengths. False: singular. */
-static bool along_normals(const lg_constraint_work *work, const double *K, const double *x, double *out) {
-    const size_t n = work->of->n, m = work->of->m;
-    double unit[MOST * MOST], S[MOST * MOST], Kx[MOST], length[MOST], r[MOST], k[MOST];
-    lg_constraint_unit_rows(work, unit, length);
-    lg_constraint_product(work->of, unit, K, unit, S);
-    if (!lg_taped_invert(m, S, k)) return false;
+    if (F == NULL) F = unit;
+    if (K != NULL) lg_matrix_multiply(m, n, n, unit, K, GK);
+    lg_matrix_transpose(m, n, F, turned);
+    lg_matrix_multiply(m, m, n, K != NULL ? GK : unit, turned, S);
+    const int sign = lg_taped_invert(m, S, k);
+    if (sign == 0 || out == NULL) return sign;
     if (K != NULL && x != NULL) lg_matrix_multiply(n, 1, n, K, x, Kx);
     if (x != NULL) lg_matrix_multiply(m, 1, n, unit, K != NULL ? Kx : x, r);
     for (size_t a = 0; a < m && x == NULL; a++) r[a] = work->g[a] / length[a];
     lg_matrix_multiply(m, 1, m, S, r, k);
-    lg_matrix_multiply_tn(n, 1, m, unit, k, out);
-    return true;
+    lg_matrix_multiply_tn(n, 1, m, F, k, out);
+    return sign;
 }
 
 bool lg_constraint_clear(const lg_constraint_work *work, const double *K, double *x) {
     double along[MOST];
-    if (!along_normals(work, K, x, along)) return false;
+    if (along_normals(work, NULL, K, x, along) == 0) return false;
     for (size_t i = 0; i < work->of->n; i++) x[i] -= along[i];
     return true;
-}
-
-/* The step G^T (G G^T)^-1 g of Newton's method; false: singular. */
-static bool newton_step(const lg_constraint_work *work, double *step) {
-    return along_normals(work, NULL, NULL, step) && all_finite(work->of->n, step);
 }
 
 /* ---- points ---- */
@@ -180,7 +168,8 @@ lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_co
             "the Jacobian G of the constraint loses rank at %s: its relative smallest singular value is "
             "%.2g, and %g is needed; the %u constraints depend on each other or one of them is flat there",
             lg_constraint_show(work->of, q).text, out->rank, LG_CONSTRAINT_LEAST_RANK, work->of->m);
-    if (newton_step(work, step)) out->off = lg_matrix_norm(n, step) / (work->size > 0.0 ? work->size : 1.0);
+    if (along_normals(work, NULL, NULL, NULL, step) != 0 && all_finite(n, step))
+        out->off = lg_matrix_norm(n, step) / (work->size > 0.0 ? work->size : 1.0);
     return LG_OK;
 }
 
@@ -202,35 +191,31 @@ lg_status lg_constraint_look(const lg_constraint *constraint, double size, const
     return LG_OK;
 }
 
-bool lg_constraint_settled(double moved, double before, double size) {
-    return moved <= 4.0 * DBL_EPSILON * size ||
-           (moved >= 0.25 * before && moved <= 1024.0 * DBL_EPSILON * size);
-}
-
-/* Projects q; work has g and G at the result. */
-static lg_status land(lg_constraint_work *work, double *q, lg_error *error) {
+bool lg_constraint_land(lg_constraint_work *work, const double *W, const double *F, double *q,
+                        double *impulse) {
     enum { LONGEST = 50 };
-    const lg_constraint *c = work->of;
-    lg_constraint_view view;
-    double step[MOST], before = INFINITY, first[MOST];
+    const size_t n = work->of->n;
+    double along[MOST], step[MOST], before = INFINITY;
     bool done = false;
-    memcpy(first, q, c->n * sizeof *first);
+    memset(impulse, 0, n * sizeof *impulse);
     for (int i = 0; i < LONGEST && !done; i++) {
         lg_constraint_value(work, q);
         lg_constraint_normals(work, q);
-        if (!all_finite(c->m, work->g) || !newton_step(work, step)) break;
-        for (size_t k = 0; k < c->n; k++) q[k] -= step[k];
-        const double moved = lg_matrix_norm(c->n, step);
-        done = lg_constraint_settled(moved, before, fmax(lg_matrix_norm(c->n, q), work->size));
+        if (along_normals(work, F, W, NULL, along) == 0) return false;
+        if (W != NULL) lg_matrix_multiply(n, 1, n, W, along, step);
+        if (W == NULL) memcpy(step, along, n * sizeof *step);
+        if (!all_finite(n, step)) return false;
+        for (size_t k = 0; k < n; k++) {
+            q[k] -= step[k];
+            impulse[k] += along[k];
+        }
+        const double moved = lg_matrix_norm(n, step), size = fmax(lg_matrix_norm(n, q), work->size);
+        done = moved <= 4.0 * DBL_EPSILON * size ||
+               (moved >= 0.25 * before && moved <= 1024.0 * DBL_EPSILON * size);
         before = moved;
     }
-    if (!done) memcpy(q, first, c->n * sizeof *q);
-    lg_constraint_value(work, q);
     lg_constraint_normals(work, q);
-    if (done) return LG_OK;
-    LG_TRY(lg_constraint_view_of(work, q, &view, error)); /* the rank may be the reason */
-    return lg_fail(error, LG_NO_CONVERGENCE, "Newton's method finds no point with g(q) = 0 from %s",
-                   lg_constraint_show(c, first).text);
+    return done && (F == NULL || along_normals(work, F, W, NULL, NULL) > 0);
 }
 
 lg_status lg_constraint_project(const lg_constraint *constraint, double size, double *state,
@@ -239,10 +224,16 @@ lg_status lg_constraint_project(const lg_constraint *constraint, double size, do
     const size_t n = constraint->n;
     LG_CLEAN(lg_constraint_end) lg_constraint_work work = {.of = constraint};
     lg_constraint_view view;
-    double moved[2 * MOST];
+    double moved[2 * MOST], impulse[MOST];
     memcpy(moved, state, 2 * n * sizeof *moved);
     LG_TRY(lg_constraint_begin(constraint, size, state, &work, error));
-    LG_TRY(land(&work, moved, error));
+    if (!lg_constraint_land(&work, NULL, NULL, moved, impulse)) {
+        lg_constraint_value(&work, state);
+        lg_constraint_normals(&work, state);
+        LG_TRY(lg_constraint_view_of(&work, state, &view, error)); /* the rank may be the reason */
+        return lg_fail(error, LG_NO_CONVERGENCE, "Newton's method finds no point with g(q) = 0 from %s",
+                       lg_constraint_show(constraint, state).text);
+    }
     LG_TRY(lg_constraint_view_of(&work, moved, &view, error));
     (void)lg_constraint_clear(&work, NULL, moved + n); /* the rank is high enough */
     memcpy(state, moved, 2 * n * sizeof *state);

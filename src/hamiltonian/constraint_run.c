@@ -4,7 +4,6 @@
 
 #include "core/clean.h"
 #include "hamiltonian/constraint.h"
-#include "integrators/taped_internal.h"
 #include "kernels/matrix.h"
 #include "mechanics/system.h"
 
@@ -50,74 +49,36 @@ static void kick(rattle *s, double h) {
     for (size_t i = 0; i < c->n; i++) s->u[i] -= 0.5 * h * slope[i];
 }
 
-/* Moves q by h W u and, along W G0^T, onto g = 0; u follows. False: Newton's method does not converge. */
-static bool drift(rattle *s, double h) {
-    enum { LONGEST = 50 };
-    const lg_constraint *c = s->work.of;
-    const size_t n = c->n, m = c->m;
-    double G0[MOST * MOST], G1[MOST * MOST], K[MOST * MOST], v[MOST], length[MOST], r[MOST], l[MOST];
-    double before = INFINITY, change[MOST];
-    lg_constraint_unit_rows(&s->work, G0, length);
-    lg_matrix_multiply(n, 1, n, c->inverse, s->u, v);
-    for (size_t i = 0; i < n; i++) s->q[i] += h * v[i];
-    for (int k = 0; k < LONGEST; k++) {
-        double moved = 0.0, size = s->work.size;
-        lg_constraint_value(&s->work, s->q);
-        lg_constraint_normals(&s->work, s->q);
-        lg_constraint_unit_rows(&s->work, G1, length);
-        lg_constraint_product(c, G1, c->inverse, G0, K);
-        if (!lg_taped_invert(m, K, l)) return false;
-        for (size_t a = 0; a < m; a++) r[a] = s->work.g[a] / length[a];
-        lg_matrix_multiply(m, 1, m, K, r, l);
-        lg_matrix_multiply_tn(n, 1, m, G0, l, change);
-        lg_matrix_multiply(n, 1, n, c->inverse, change, v);
-        for (size_t i = 0; i < n; i++) {
-            s->u[i] -= change[i] / h;
-            s->q[i] -= v[i];
-            moved = isfinite(v[i]) ? fmax(moved, fabs(v[i])) : INFINITY;
-            size = fmax(size, fabs(s->q[i]));
-        }
-        if (!(moved < INFINITY)) return false;
-        if (lg_constraint_settled(moved, before, size)) {
-            lg_constraint_normals(&s->work, s->q);
-            lg_constraint_unit_rows(&s->work, G1, length);
-            lg_constraint_product(c, G1, c->inverse, G0, K);
-            return lg_taped_invert(m, K, l) > 0;
-        }
-        before = moved;
-    }
-    return false;
-}
-
+/* A kick, a drift by h W u onto g = 0 along W G^T at its start, and a kick. False: Newton's method does not
+ * converge. */
 static bool step(rattle *s, double h) {
+    const lg_constraint *c = s->work.of;
+    double normals[MOST * MOST], v[MOST], impulse[MOST];
+    memcpy(normals, s->work.G, c->m * c->n * sizeof *normals);
     kick(s, h);
-    if (!drift(s, h)) return false;
+    lg_matrix_multiply(c->n, 1, c->n, c->inverse, s->u, v);
+    for (size_t i = 0; i < c->n; i++) s->q[i] += h * v[i];
+    if (!lg_constraint_land(&s->work, c->inverse, normals, s->q, impulse)) return false;
+    for (size_t i = 0; i < c->n; i++) s->u[i] -= impulse[i] / h;
     kick(s, h);
-    return lg_constraint_clear(&s->work, s->work.of->inverse, s->u);
+    return lg_constraint_clear(&s->work, c->inverse, s->u);
 }
 
-/* The steps of Suzuki's composition of order 4 (1990), in units of h; of order 2, one step. */
-static size_t substeps(int order, double h[5]) {
-    const double a = 1.0 / (4.0 - cbrt(4.0));
-    for (int i = 0; i < 5; i++) h[i] = i == 2 ? 1.0 - 4.0 * a : a;
-    if (order == 2) h[0] = 1.0;
-    return order == 2 ? 1 : 5;
-}
-
+/* A step of order 2, or of order 4 by Suzuki's composition (1990). */
 static lg_status one_step(rattle *s, int order, double h, double t, lg_error *error) {
-    double part[5];
+    const double a = h / (4.0 - cbrt(4.0)), five[] = {a, a, h - 4.0 * a, a, a};
     lg_constraint_view view;
     lg_error why = {LG_OK, ""};
-    const size_t count = substeps(order, part);
-    for (size_t i = 0; i < count; i++) {
+    for (size_t i = 0; i < (order == 2 ? 1 : LG_COUNT(five)); i++) {
+        const double part = order == 2 ? h : five[i];
         double from[MOST];
         memcpy(from, s->q, sizeof from);
-        if (!step(s, part[i] * h))
+        if (!step(s, part))
             return lg_fail(
                 error, LG_NO_CONVERGENCE,
                 "time %g: a step of %g from %s finds no point with g(q) = 0 nearby: the step is too "
                 "long, or the normals of the constraint turn by a right angle within it",
-                t, part[i] * h, lg_constraint_show(s->work.of, from).text);
+                t, part, lg_constraint_show(s->work.of, from).text);
     }
     const lg_status status = lg_constraint_view_of(&s->work, s->q, &view, &why);
     return status == LG_OK ? LG_OK : lg_fail(error, status, "time %g: %s", t + h, why.message);

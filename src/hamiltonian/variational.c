@@ -7,172 +7,117 @@
  *   P1 = P - C^T nu/h - h/2 dV/dz at z1,
  *
  * of order 2, symplectic and symmetric (Andersen 1983; Hairer, Lubich, Wanner, Geometric Numerical
- * Integration, VII.1.4). Newton's method finds nu row by row, with exact first and second derivatives. The
- * momenta of the state are invariant under multiples of C^T at z1, so the second multiplier of RATTLE is not
- * needed: pi = sum_j r_j x P_j, p = P - q (q.P), and the components of P for lines. Momenta that belong to
- * a symmetry of V under rotations and shifts are conserved to rounding. */
-#include "core/core.h"
+ * Integration, VII.1.4). Both constraints say that 3-vectors of z, directions or the columns of a rotation,
+ * are orthonormal: c_j = a_j.b_j - d_j, where the constant matrices A and B select a = A z and b = B z.
+ * Newton's method finds nu row by row, with exact first and second derivatives. The momenta of the state are
+ * invariant under multiples of C^T at z1, so the second multiplier of RATTLE is not needed:
+ * pi = sum_j r_j x P_j, p = P - q (q.P), and the components of P for lines. Momenta that belong to a symmetry
+ * of V under rotations and shifts are conserved to rounding. */
 #include "hamiltonian/internal.h"
 #include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
 
-enum { PAIRS = LG_HAMILTONIAN_MAX_PARTS / 2 };
-
-/* How the positions of a part are constrained, and what its momenta are. x and P are parts in the shape of
- * the position. */
-typedef struct manifold_row {
-    uint32_t constraints;                                  /* per copy */
-    lg_var (*violation)(lg_tape *tape, lg_var x);          /* c, (B, constraints k) */
-    lg_var (*normal)(lg_tape *tape, lg_var x, lg_var nu);  /* C^T nu in the shape of x */
-    lg_var (*momentum)(lg_tape *tape, lg_var x, lg_var P); /* the momentum of the state */
-} manifold_row;
-
-static lg_var rows_of(lg_tape *tape, lg_var x, uint32_t width) {
-    return lg_reshape(tape, x, lg_shape2(lg_var_shape(tape, x).dims[0], width));
-}
-
-/* ---- directions: |q|^2 - 1 ---- */
-
-static lg_var off_sphere(lg_tape *tape, lg_var q) {
-    return rows_of(tape, lg_add_scalar(tape, lg_rownorm2(tape, q), -1.0), lg_var_shape(tape, q).dims[1]);
-}
-
-static lg_var across_sphere(lg_tape *tape, lg_var q, lg_var nu) {
-    const lg_shape shape = lg_var_shape(tape, q);
-    const lg_var tall = lg_reshape(tape, nu, lg_shape3(shape.dims[0], shape.dims[1], 1));
-    return lg_mul(tape, lg_scale(tape, q, 2.0), tall);
-}
-
-static lg_var along_sphere(lg_tape *tape, lg_var q, lg_var P) {
-    return lg_sub(tape, P, lg_mul(tape, q, lg_rowdot(tape, q, P)));
-}
-
-/* ---- rotations: the upper triangle of R^T R - I ---- */
-
-static lg_var matrices(lg_tape *tape, lg_var R) {
-    const lg_shape shape = lg_var_shape(tape, R);
-    return lg_reshape(tape, R, lg_shape3(shape.dims[0] * shape.dims[1], 3, 3));
-}
-
-static lg_var off_rotation(lg_tape *tape, lg_var R) {
-    static const double upper[9 * 6] = {[0] = 1,      [6 + 1] = 1,  [12 + 2] = 1,
-                                        [24 + 3] = 1, [30 + 4] = 1, [48 + 5] = 1};
-    static const double unit[6] = {1, 0, 0, 1, 0, 1};
-    const lg_shape shape = lg_var_shape(tape, R);
-    const lg_var X = matrices(tape, R);
-    lg_var gram = lg_reshape(tape, lg_matmul_tn(tape, X, X), lg_shape2(shape.dims[0] * shape.dims[1], 9));
-    gram = lg_matmul(tape, gram, lg_input_f64(tape, lg_shape2(9, 6), upper));
-    gram = lg_sub(tape, gram, lg_input_f64(tape, lg_shape2(1, 6), unit));
-    return lg_reshape(tape, gram, lg_shape2(shape.dims[0], 6 * shape.dims[1]));
-}
-
-/* R S, where S is symmetric: nu above the diagonal, 2 nu on it. */
-static lg_var across_rotation(lg_tape *tape, lg_var R, lg_var nu) {
-    static const double both[6 * 9] = {[0] = 2,      [9 + 1] = 1,  [9 + 3] = 1,  [18 + 2] = 1, [18 + 6] = 1,
-                                       [27 + 4] = 2, [36 + 5] = 1, [36 + 7] = 1, [45 + 8] = 2};
-    const lg_shape shape = lg_var_shape(tape, R);
-    const uint32_t count = shape.dims[0] * shape.dims[1];
-    lg_var S =
-        lg_matmul(tape, lg_reshape(tape, nu, lg_shape2(count, 6)), lg_input_f64(tape, lg_shape2(6, 9), both));
-    S = lg_matmul(tape, matrices(tape, R), lg_reshape(tape, S, lg_shape3(count, 3, 3)));
-    return lg_reshape(tape, S, shape);
-}
-
-static const manifold_row flat = {0}, sphere = {1, off_sphere, across_sphere, along_sphere},
-                          rotation = {6, off_rotation, across_rotation, lg_columns_crossed};
-
-static const manifold_row *row_of(lg_tape *tape, lg_var x) {
-    const lg_shape shape = lg_var_shape(tape, x);
-    return shape.rank != 3 ? &flat : shape.dims[2] == 9 ? &rotation : &sphere;
-}
-
-/* ---- a step ---- */
-
-/* All parts of positions one after the other; `violation` and `normal` of all parts. */
 typedef struct step {
-    const lg_hamiltonian_family *family;
-    const lg_var *y; /* the state at the start */
-    lg_var free;     /* z + h W P, (B, N) */
-    lg_var W;        /* (N, N) */
+    uint32_t rows, N, k; /* states, numbers in z, constraints */
+    lg_var A, B;         /* (3 k, N); LG_NONE: unit matrices, as z has directions alone */
+    lg_var d;            /* (1, k) */
+    lg_var a, b;         /* at the start, (rows, k, 3) */
+    lg_var free, W;      /* z + h W P (rows, N); (N, N) */
 } step;
 
-static lg_var all_violations(lg_tape *tape, const step *s, lg_var z) {
-    lg_var x[LG_HAMILTONIAN_MAX_PARTS], c[PAIRS];
-    size_t count = 0;
-    lg_hamiltonian_cut(tape, s->family, s->y, z, 0, x);
-    for (size_t i = 0; s->family->layout[i] != NULL; i += 2) {
-        const manifold_row *row = row_of(tape, s->y[i]);
-        if (row->constraints > 0) c[count++] = row->violation(tape, x[i]);
-    }
-    return count == 1 ? c[0] : lg_concat(tape, c, count, 1);
+/* How many 3-vectors of length 1 a copy of a part of the positions has: 0 on R^n, 1 on S^2, 3 on SO(3). */
+static uint32_t vectors_of(lg_shape part) {
+    return part.rank == 3 ? part.dims[2] / 3 : 0;
 }
 
-/* C^T nu at the start, (B, N). */
-static lg_var all_normals(lg_tape *tape, const step *s, lg_var nu) {
-    lg_var each[PAIRS];
+/* Rows of a matrix (3, N) that select the 3-vector whose numbers in z are `stride` apart. */
+static void select_vector(uint32_t N, uint32_t first, uint32_t stride, double *rows) {
+    for (uint32_t c = 0; c < 3; c++) rows[c * N + first + c * stride] = 1.0;
+}
+
+/* Sets A, B, d and k for the parts y. */
+static void set_constraints(lg_tape *tape, const lg_hamiltonian_family *family, const lg_var *y, step *s) {
+    enum { MOST = LG_HAMILTONIAN_AMBIENT };
+    double A[MOST * MOST] = {0.0}, B[MOST * MOST] = {0.0}, d[MOST];
+    const uint32_t N = s->N;
     uint32_t from = 0;
-    size_t count = 0;
-    for (size_t i = 0; s->family->layout[i] != NULL; i += 2, count++) {
-        const manifold_row *row = row_of(tape, s->y[i]);
-        const lg_shape shape = lg_var_shape(tape, s->y[i]);
-        const uint32_t width = lg_hamiltonian_width(tape, s->y[i]);
-        if (row->constraints == 0) {
-            each[count] = lg_full(tape, lg_shape2(shape.dims[0], width), 0.0);
-            continue;
-        }
-        const uint32_t own = row->constraints * shape.dims[1];
-        const lg_var part = lg_slice(tape, nu, 1, from, own);
-        each[count] = rows_of(tape, row->normal(tape, s->y[i], part), width);
-        from += own;
+    for (size_t i = 0; family->layout[i] != NULL; i += 2) {
+        const uint32_t v = vectors_of(lg_var_shape(tape, y[i]));
+        const uint32_t end = from + lg_hamiltonian_width(tape, y[i]);
+        for (; v > 0 && from < end; from += 3 * v)
+            for (uint32_t a = 0; a < v; a++)
+                for (uint32_t b = a; b < v; b++, s->k++) {
+                    select_vector(N, from + a, v, A + 3 * s->k * N);
+                    select_vector(N, from + b, v, B + 3 * s->k * N);
+                    d[s->k] = a == b;
+                }
+        from = end;
     }
-    return count == 1 ? each[0] : lg_concat(tape, each, count, 1);
+    s->d = lg_input_f64(tape, lg_shape2(1, s->k), d);
+    if (family->layout[2] == NULL && vectors_of(lg_var_shape(tape, y[0])) == 1) return;
+    s->A = lg_input_f64(tape, lg_shape2(3 * s->k, N), A);
+    s->B = lg_input_f64(tape, lg_shape2(3 * s->k, N), B);
 }
 
+/* The vectors a or b of z, (rows, k, 3). */
+static lg_var selected(lg_tape *tape, const step *s, lg_var z, lg_var matrix) {
+    const lg_var x = lg_is_none(matrix) ? z : lg_matmul_nt(tape, z, matrix);
+    return lg_reshape(tape, x, lg_shape3(s->rows, s->k, 3));
+}
+
+/* C^T nu at the start, (rows, N): A^T (nu b) + B^T (nu a). */
+static lg_var normal_of(lg_tape *tape, const step *s, lg_var nu) {
+    const lg_shape flat = lg_shape2(s->rows, 3 * s->k);
+    const lg_var tall = lg_reshape(tape, nu, lg_shape3(s->rows, s->k, 1));
+    const lg_var on_a = lg_reshape(tape, lg_mul(tape, s->b, tall), flat);
+    if (lg_is_none(s->A)) return lg_scale(tape, on_a, 2.0);
+    const lg_var on_b = lg_reshape(tape, lg_mul(tape, s->a, tall), flat);
+    return lg_add(tape, lg_matmul(tape, on_a, s->A), lg_matmul(tape, on_b, s->B));
+}
+
+/* r = c(z1). */
 static lg_status held(void *user, lg_tape *tape, lg_var nu, lg_var *r) {
     const step *s = user;
-    const lg_var z = lg_sub(tape, s->free, lg_matmul(tape, all_normals(tape, s, nu), s->W));
-    *r = all_violations(tape, s, z);
+    const lg_var z = lg_sub(tape, s->free, lg_matmul(tape, normal_of(tape, s, nu), s->W));
+    const lg_var c = lg_rowdot(tape, selected(tape, s, z, s->A), selected(tape, s, z, s->B));
+    *r = lg_sub(tape, lg_reshape(tape, c, lg_shape2(s->rows, s->k)), s->d);
     return lg_tape_status(tape);
 }
 
-static uint32_t constraints_of(lg_tape *tape, const step *s) {
-    uint32_t count = 0;
-    for (size_t i = 0; s->family->layout[i] != NULL; i += 2)
-        count += row_of(tape, s->y[i])->constraints * lg_var_shape(tape, s->y[i]).dims[1];
-    return count;
-}
-
-/* The state's momenta from P (B, N) at positions out[0], out[2], ...; y gives the shapes. */
-static void take_momenta(lg_tape *tape, const step *s, lg_var P, lg_var *out) {
-    lg_var own[LG_HAMILTONIAN_MAX_PARTS];
-    lg_hamiltonian_cut(tape, s->family, s->y, P, 0, own);
-    for (size_t i = 0; s->family->layout[i] != NULL; i += 2) {
-        const manifold_row *row = row_of(tape, s->y[i]);
-        out[i + 1] = row->constraints == 0 ? own[i] : row->momentum(tape, out[i], own[i]);
-    }
+/* The momentum of the state from P at the position x; x and P are parts. */
+static lg_var momentum_of(lg_tape *tape, lg_var x, lg_var P) {
+    const uint32_t v = vectors_of(lg_var_shape(tape, x));
+    if (v == 3) return lg_columns_crossed(tape, x, P);
+    return v == 0 ? P : lg_sub(tape, P, lg_mul(tape, x, lg_rowdot(tape, x, P)));
 }
 
 lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_vars *vars, double h,
                                           const lg_var *y, lg_var *out) {
     const lg_hamiltonian_family *family = vars->model->family;
-    lg_var next[LG_HAMILTONIAN_MAX_PARTS], K, rate;
+    lg_var next[LG_HAMILTONIAN_MAX_PARTS], momenta[LG_HAMILTONIAN_MAX_PARTS], K, rate;
     family->ambient(tape, vars, y, &K, &rate);
-    const uint32_t N = lg_var_shape(tape, rate).dims[1], rows = lg_var_shape(tape, rate).dims[0];
     const lg_var z = lg_hamiltonian_joined(tape, family, y, 0);
-    step s = {.family = family, .y = y};
+    const uint32_t N = lg_var_shape(tape, z).dims[1];
+    step s = {.rows = lg_var_shape(tape, z).dims[0], .N = N};
+    set_constraints(tape, family, y, &s);
+    s.a = selected(tape, &s, z, s.A);
+    s.b = selected(tape, &s, z, s.B);
     s.W = lg_spd_solve(tape, K, lg_unit_matrix(tape, N));
     s.W = lg_reshape(tape, s.W, lg_shape2(N, N));
     lg_var P = lg_matmul(tape, rate, lg_reshape(tape, K, lg_shape2(N, N)));
     P = lg_taped_moved(tape, P, -0.5 * h, lg_hamiltonian_potential_gradient(tape, vars, z));
     s.free = lg_taped_moved(tape, z, h, lg_matmul(tape, P, s.W));
-    lg_var nu = lg_full(tape, lg_shape2(rows, constraints_of(tape, &s)), 0.0);
+    lg_var nu = lg_full(tape, lg_shape2(s.rows, s.k), 0.0);
     LG_TRY(lg_taped_root(tape, &(lg_root){.equations = held, .user = &s, .scale = 1.0}, nu, &nu));
-    const lg_var normal = all_normals(tape, &s, nu);
+    const lg_var normal = normal_of(tape, &s, nu);
     const lg_var z1 = lg_sub(tape, s.free, lg_matmul(tape, normal, s.W));
     P = lg_taped_moved(tape, P, -1.0 / h, normal);
     P = lg_taped_moved(tape, P, -0.5 * h, lg_hamiltonian_potential_gradient(tape, vars, z1));
     lg_hamiltonian_cut(tape, family, y, z1, 0, next);
-    take_momenta(tape, &s, P, next);
-    for (size_t i = 0; family->layout[i] != NULL; i++) out[i] = next[i];
+    lg_hamiltonian_cut(tape, family, y, P, 0, momenta);
+    for (size_t i = 0; family->layout[i] != NULL; i += 2) {
+        out[i] = next[i];
+        out[i + 1] = momentum_of(tape, next[i], momenta[i]);
+    }
     return lg_tape_status(tape);
 }

@@ -3,6 +3,7 @@
 #define LG_MACHINE_INTERNAL_H
 
 #include "core/clean.h"
+#include "integrators/taped_internal.h"
 #include "liegrad/machine.h"
 #include "mechanics/engine.h"
 
@@ -359,14 +360,6 @@ lg_status lg_machine_colour(const lg_context *context, size_t count, size_t n, s
 
 /* ---- intervals (machine/step.c) ---- */
 
-/* Moves `parts` by one step of LG_SCHEME_VARIATIONAL (machine/variational.c). The step's length is h, or h
- * times `rows` (B, 1) unless this is LG_NONE. u: inputs (B, inputs) at its start and end, or LG_NONE. */
-typedef struct lg_machine_span {
-    double h;
-    lg_var rows, u[2];
-} lg_machine_span;
-lg_status lg_machine_variational_step(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_span *over,
-                                      lg_var *parts);
 /* The reason, as a sentence, why a machine cannot use LG_SCHEME_VARIATIONAL; NULL if it can. */
 const char *lg_machine_variational_fault(const lg_machine *machine);
 
@@ -383,6 +376,10 @@ typedef struct lg_machine_flow {
     uint32_t substeps;
     lg_space space;
 } lg_machine_flow;
+/* Moves `parts` by one step of LG_SCHEME_VARIATIONAL (machine/variational.c). u: inputs (B, inputs) at its
+ * start and end, or LG_NONE. After an error `parts` are of no use. */
+lg_status lg_machine_variational_step(lg_tape *tape, const lg_machine_flow *flow, const lg_taped_span *over,
+                                      const lg_var u[2], lg_var *parts);
 /* Moves `parts` over one interval of the log: row i of the batch from row at[i] to the next one. */
 lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow, const lg_machine_log *log,
                                      const size_t *at, uint32_t count, lg_var *parts);

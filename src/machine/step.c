@@ -169,15 +169,18 @@ static lg_status scheme_steps(lg_tape *tape, const lg_machine_flow *flow, interv
 static lg_status variational_steps(lg_tape *tape, const lg_machine_flow *flow, interval *over,
                                    lg_var *parts) {
     const double n = flow->substeps;
-    lg_machine_span span = {.h = over->length / n, .rows = over->h, .u = {LG_NONE, LG_NONE}};
+    lg_taped_span span = {.h = over->length / n, .rows = over->h};
+    lg_var u[2] = {LG_NONE, LG_NONE};
     const char *fault = lg_machine_variational_fault(flow->vars->machine);
     if (fault != NULL) (void)lg_tape_fail(tape, LG_UNSUPPORTED, "variational step", fault);
     LG_TRY(lg_tape_status(tape));
-    if (!lg_is_none(over->u[0])) span.u[1] = input_at(tape, over, 0.0);
+    if (!lg_is_none(over->h))
+        span.tall = lg_reshape(tape, over->h, lg_shape3(lg_var_shape(tape, over->h).dims[0], 1, 1));
+    if (!lg_is_none(over->u[0])) u[1] = input_at(tape, over, 0.0);
     for (uint32_t i = 0; i < flow->substeps; i++) {
-        span.u[0] = span.u[1];
-        if (!lg_is_none(over->u[0])) span.u[1] = input_at(tape, over, (i + 1) / n);
-        LG_TRY(lg_machine_variational_step(tape, flow->vars, &span, parts));
+        u[0] = u[1];
+        if (!lg_is_none(over->u[0])) u[1] = input_at(tape, over, (i + 1) / n);
+        LG_TRY(lg_machine_variational_step(tape, flow, &span, u, parts));
     }
     return lg_tape_status(tape);
 }

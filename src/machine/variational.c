@@ -16,17 +16,16 @@
 
 #include "autodiff/ops/lie.h"
 #include "core/core.h"
-#include "integrators/taped_internal.h"
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
 typedef struct motion {
     const lg_machine_vars *vars;
-    const lg_machine_span *over;
+    const lg_taped_span *over;
     lg_var *parts;
-    /* For the kick: */
-    lg_var still; /* forces that do not depend on velocities, (B, velocities), or LG_NONE */
-    lg_var u;
+    size_t count; /* of parts */
+    /* For the kick: forces that do not depend on velocities, (B, velocities), or LG_NONE; inputs. */
+    lg_var still, u;
 } motion;
 
 const char *lg_machine_variational_fault(const lg_machine *machine) {
@@ -41,18 +40,9 @@ const char *lg_machine_variational_fault(const lg_machine *machine) {
     return NULL;
 }
 
-/* c h x for x (B, n) or (B, k, n). */
-static lg_var paced(lg_tape *tape, const lg_machine_span *over, double c, lg_var x) {
-    const lg_shape shape = lg_var_shape(tape, x);
-    const lg_var y = lg_scale(tape, x, c * over->h);
-    if (lg_is_none(over->rows)) return y;
-    const lg_var tall =
-        shape.rank == 2 ? over->rows : lg_reshape(tape, over->rows, lg_shape3(shape.dims[0], 1, 1));
-    return lg_mul(tape, y, tall);
-}
-
-static lg_var plus(lg_tape *tape, lg_var a, lg_var b) {
-    return lg_is_none(a) ? b : lg_is_none(b) ? a : lg_add(tape, a, b);
+/* c h x */
+static lg_var paced(lg_tape *tape, const motion *s, double c, lg_var x) {
+    return lg_taped_by_rows(tape, s->over, lg_scale(tape, x, c * s->over->h));
 }
 
 /* ---- kick ---- */
@@ -68,128 +58,102 @@ static bool drags(const lg_machine *machine) {
     return false;
 }
 
+/* The sum of forces `sum` (LG_NONE: 0) and the forces of one part of the machine at velocities v. */
+static lg_var plus(lg_tape *tape, const motion *s, lg_var sum, lg_machine_part part, lg_var v) {
+    if (part == LG_MACHINE_INPUT_MAP && lg_is_none(s->u)) return sum;
+    const lg_var more = lg_machine_record_force(tape, s->vars, part, s->parts, v, s->u);
+    return lg_is_none(sum) ? more : lg_is_none(more) ? sum : lg_add(tape, sum, more);
+}
+
 /* All forces of the kick at velocities v, (B, velocities), or LG_NONE. */
 static lg_var forces(lg_tape *tape, const motion *s, lg_var v) {
-    lg_var sum = s->still;
-    static const lg_machine_part with_velocities[] = {LG_MACHINE_DAMPING, LG_MACHINE_RESIDUAL};
-    for (size_t i = 0; i < LG_COUNT(with_velocities); i++)
-        sum = plus(tape, sum, lg_machine_record_force(tape, s->vars, with_velocities[i], s->parts, v, s->u));
-    return sum;
+    return plus(tape, s, plus(tape, s, s->still, LG_MACHINE_DAMPING, v), LG_MACHINE_RESIDUAL, v);
 }
 
 /* Equation of the midpoint velocity: r = v - v(p + h/4 f(v)). */
 static lg_status middle(void *user, lg_tape *tape, lg_var v, lg_var *r) {
     const motion *s = user;
     lg_var pushed[LG_TAPED_MAX_PARTS];
-    memcpy(pushed, s->parts, sizeof pushed);
-    lg_machine_push(tape, s->vars->machine, paced(tape, s->over, 0.25, forces(tape, s, v)), pushed);
+    memcpy(pushed, s->parts, s->count * sizeof *pushed);
+    lg_machine_push(tape, s->vars->machine, paced(tape, s, 0.25, forces(tape, s, v)), pushed);
     *r = lg_sub(tape, v, lg_machine_record_rates(tape, s->vars, pushed));
     return lg_tape_status(tape);
 }
 
-/* The kick with inputs u; `pull` are the potential's forces. */
-static lg_status kick(lg_tape *tape, motion *s, lg_var pull, lg_var u) {
+static lg_status kick(lg_tape *tape, motion *s, lg_var u) {
     lg_var v = lg_machine_record_rates(tape, s->vars, s->parts);
     s->u = u;
-    s->still = pull;
-    if (!lg_is_none(u))
-        s->still =
-            plus(tape, pull, lg_machine_record_force(tape, s->vars, LG_MACHINE_INPUT_MAP, s->parts, v, u));
-    const lg_var offset = lg_machine_record_force(tape, s->vars, LG_MACHINE_OFFSET, s->parts, v, u);
-    if (!lg_is_none(offset)) s->still = plus(tape, s->still, offset);
+    s->still = plus(tape, s, lg_machine_record_pull(tape, s->vars, s->parts), LG_MACHINE_INPUT_MAP, v);
+    s->still = plus(tape, s, s->still, LG_MACHINE_OFFSET, v);
     if (drags(s->vars->machine))
         LG_TRY(lg_taped_root(tape, &(lg_root){.equations = middle, .user = s, .scale = 1.0}, v, &v));
     const lg_var f = forces(tape, s, v);
-    if (!lg_is_none(f)) lg_machine_push(tape, s->vars->machine, paced(tape, s->over, 0.5, f), s->parts);
+    if (!lg_is_none(f)) lg_machine_push(tape, s->vars->machine, paced(tape, s, 0.5, f), s->parts);
     return lg_tape_status(tape);
 }
 
 /* ---- drift ---- */
 
-/* Displacement of one body in a step: turn = -h Omega and shift = -h w, (B, 3); its momenta m and l. A
- * rotation has no shift and no l (LG_NONE). */
-typedef struct screw {
-    lg_var turn, shift, m, l;
-} screw;
-
-/* v and p: (B, momenta). */
-static screw screw_of(lg_tape *tape, const motion *s, uint32_t coordinate, lg_var v, lg_var p) {
-    const lg_machine *machine = s->vars->machine;
-    const uint32_t first = lg_machine_offsets_of(machine, coordinate).momentum;
-    const bool pose = machine->coordinates[coordinate].kind == LG_COORDINATE_POSE;
-    const uint32_t turn = pose ? first + 3 : first;
-    screw out = {.turn = paced(tape, s->over, -1.0, lg_machine_columns(tape, v, turn, 3)),
-                 .m = lg_machine_columns(tape, p, turn, 3)};
-    if (pose) {
-        out.shift = paced(tape, s->over, -1.0, lg_machine_columns(tape, v, first, 3));
-        out.l = lg_machine_columns(tape, p, first, 3);
-    }
-    return out;
+/* -h x for the three columns of v (B, momenta) from `first` on. */
+static lg_var back(lg_tape *tape, const motion *s, lg_var v, uint32_t first) {
+    return paced(tape, s, -1.0, lg_machine_columns(tape, v, first, 3));
 }
 
-/* Momenta (B, momenta): `body` computes the momenta of bodies; the momenta of lines and angles are taken from
- * p. */
-static lg_var each_momentum(lg_tape *tape, const motion *s, lg_var v, lg_var p,
-                            void (*body)(lg_tape *, const screw *, lg_var *m, lg_var *l)) {
+/* A map of the momenta of bodies: of one vector, and the second half of a pair. */
+typedef struct momentum_map {
+    lg_var (*vector)(lg_tape *tape, lg_var turn, lg_var x);
+    lg_var (*pair)(lg_tape *tape, lg_var turn, lg_var shift, lg_var l, lg_var m);
+} momentum_map;
+/* (dexp_{h v}^-1)^T and Ad_{exp(h v)}^T, with turn = -h Omega and shift = -h w. */
+static const momentum_map at_start = {lg_so3_dexpinv_rows, lg_se3_dexpinv_rows},
+                          carried = {lg_so3_exp_rows, lg_se3_act_rows};
+
+/* Momenta p (B, momenta) with those of bodies mapped; those of lines and angles stay. */
+static lg_var each_momentum(lg_tape *tape, const motion *s, lg_var v, lg_var p, const momentum_map *map) {
     const lg_machine *machine = s->vars->machine;
     lg_var each[2 * LG_MACHINE_COORDINATES];
     uint32_t count = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const uint32_t first = lg_machine_offsets_of(machine, i).momentum, second = first + row->places;
         if (row->directions > 0) continue;
         if (row->rotations == 0) {
-            each[count++] = lg_machine_columns(tape, p, lg_machine_offsets_of(machine, i).momentum, 1);
+            each[count++] = lg_machine_columns(tape, p, first, 1);
             continue;
         }
-        const screw a = screw_of(tape, s, i, v, p);
-        lg_var m, l = LG_NONE;
-        body(tape, &a, &m, &l);
-        if (!lg_is_none(l)) each[count++] = l;
-        each[count++] = m;
+        const lg_var turn = back(tape, s, v, second), m = lg_machine_columns(tape, p, second, 3);
+        if (row->places == 0) {
+            each[count++] = map->vector(tape, turn, m);
+            continue;
+        }
+        const lg_var shift = back(tape, s, v, first), l = lg_machine_columns(tape, p, first, 3);
+        each[count++] = map->vector(tape, turn, l);
+        each[count++] = map->pair(tape, turn, shift, l, m);
     }
     return count == 1 ? each[0] : lg_concat(tape, each, count, 1);
 }
 
-/* (dexp_{h v}^-1)^T (m, l). */
-static void at_start(lg_tape *tape, const screw *a, lg_var *m, lg_var *l) {
-    if (lg_is_none(a->l)) {
-        *m = lg_so3_dexpinv_rows(tape, a->turn, a->m);
-        return;
-    }
-    *l = lg_so3_dexpinv_rows(tape, a->turn, a->l);
-    *m = lg_se3_dexpinv_rows(tape, a->turn, a->shift, a->l, a->m);
-}
-
-/* Ad_{exp(h v)}^T (m, l). */
-static void carried(lg_tape *tape, const screw *a, lg_var *m, lg_var *l) {
-    if (lg_is_none(a->l)) {
-        *m = lg_so3_exp_rows(tape, a->turn, a->m);
-        return;
-    }
-    *l = lg_so3_exp_rows(tape, a->turn, a->l);
-    *m = lg_se3_act_rows(tape, a->turn, a->shift, a->l, a->m);
-}
-
 static lg_status legendre(void *user, lg_tape *tape, lg_var v, lg_var *r) {
     const motion *s = user;
-    const lg_var p = lg_matmul(tape, v, s->vars->mass);
-    *r = lg_sub(tape, each_momentum(tape, s, v, p, at_start), s->parts[lg_machine_parts(s->vars->machine).m]);
+    const lg_var p = s->parts[lg_machine_parts(s->vars->machine).m];
+    const lg_var mv = lg_matmul(tape, v, s->vars->mass);
+    *r = lg_sub(tape, each_momentum(tape, s, v, mv, &at_start), p);
     return lg_tape_status(tape);
 }
 
 /* x + R dexp_{h Omega}(h w). */
-static lg_var shifted(lg_tape *tape, const screw *a, lg_var x, lg_var R) {
+static lg_var shifted(lg_tape *tape, lg_var turn, lg_var shift, lg_var x, lg_var R) {
     const uint32_t rows = lg_var_shape(tape, x).dims[0];
-    const lg_var way = lg_neg(tape, lg_so3_dexp_rows(tape, lg_neg(tape, a->turn), a->shift));
+    const lg_var way = lg_neg(tape, lg_so3_dexp_rows(tape, lg_neg(tape, turn), shift));
     const lg_var column = lg_reshape(tape, way, lg_shape3(rows, 3, 1));
     return lg_add(tape, x, lg_reshape(tape, lg_matmul(tape, R, column), lg_shape2(rows, 3)));
 }
 
 /* R after the step. The rows of R turn like vectors: r_i' = r_i x Omega. */
-static lg_var turned(lg_tape *tape, const screw *a, lg_var R) {
+static lg_var turned(lg_tape *tape, lg_var turn, lg_var R) {
     const lg_shape shape = lg_var_shape(tape, R);
-    const lg_var turn = lg_reshape(tape, a->turn, lg_shape3(shape.dims[0], 1, 3));
-    return lg_so3_exp_rows(tape, lg_broadcast_to(tape, turn, shape), R);
+    const lg_var each = lg_reshape(tape, turn, lg_shape3(shape.dims[0], 1, 3));
+    return lg_so3_exp_rows(tape, lg_broadcast_to(tape, each, shape), R);
 }
 
 /* Moves places and rotations, of which there is one at least, by the step h v; v is (B, momenta). */
@@ -206,15 +170,15 @@ static void move_positions(lg_tape *tape, const motion *s, lg_var v) {
         const lg_var place =
             row->places > 0 ? lg_machine_columns(tape, s->parts[at.x], offset.place, row->places) : LG_NONE;
         if (row->rotations == 0) {
-            const lg_var way = paced(tape, s->over, 1.0, lg_machine_columns(tape, v, offset.momentum, 1));
+            const lg_var way = paced(tape, s, 1.0, lg_machine_columns(tape, v, offset.momentum, 1));
             x[xs++] = lg_add(tape, place, way);
             continue;
         }
         const lg_var old =
             lg_reshape(tape, lg_slice(tape, s->parts[at.R], 1, offset.rotation, 1), lg_shape3(rows, 3, 3));
-        const screw a = screw_of(tape, s, i, v, s->parts[at.m]);
-        if (row->places > 0) x[xs++] = shifted(tape, &a, place, old);
-        R[Rs++] = lg_reshape(tape, turned(tape, &a, old), lg_shape3(rows, 1, 9));
+        const lg_var turn = back(tape, s, v, offset.momentum + row->places);
+        if (row->places > 0) x[xs++] = shifted(tape, turn, back(tape, s, v, offset.momentum), place, old);
+        R[Rs++] = lg_reshape(tape, turned(tape, turn, old), lg_shape3(rows, 1, 9));
     }
     if (xs > 0) s->parts[at.x] = xs == 1 ? x[0] : lg_concat(tape, x, xs, 1);
     s->parts[at.R] = Rs == 1 ? R[0] : lg_concat(tape, R, Rs, 1);
@@ -226,12 +190,12 @@ static lg_status move_bodies(lg_tape *tape, motion *s) {
     const lg_var p = s->parts[at.m];
     lg_var v = lg_matmul(tape, p, s->vars->inverse);
     if (at.R < 0) { /* only lines and angles: p = M v */
-        s->parts[at.x] = lg_add(tape, s->parts[at.x], paced(tape, s->over, 1.0, v));
+        s->parts[at.x] = lg_add(tape, s->parts[at.x], paced(tape, s, 1.0, v));
         return lg_tape_status(tape);
     }
     LG_TRY(lg_taped_root(tape, &(lg_root){.equations = legendre, .user = s, .scale = 1.0}, v, &v));
     move_positions(tape, s, v);
-    s->parts[at.m] = each_momentum(tape, s, v, p, carried);
+    s->parts[at.m] = each_momentum(tape, s, v, p, &carried);
     return lg_tape_status(tape);
 }
 
@@ -240,26 +204,19 @@ static void move_directions(lg_tape *tape, const motion *s) {
     const lg_machine_places at = lg_machine_parts(s->vars->machine);
     const lg_var q = s->parts[at.q], p = s->parts[at.p];
     const lg_var omega = lg_div(tape, lg_cross(tape, q, p), s->vars->direction_mass);
-    const lg_var turn = paced(tape, s->over, 1.0, omega);
+    const lg_var turn = paced(tape, s, 1.0, omega);
     s->parts[at.q] = lg_so3_exp_rows(tape, turn, q);
     s->parts[at.p] = lg_so3_exp_rows(tape, turn, p);
 }
 
-lg_status lg_machine_variational_step(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_span *over,
-                                      lg_var *parts) {
-    const lg_machine_places at = lg_machine_parts(vars->machine);
-    lg_var moved[LG_TAPED_MAX_PARTS] = {LG_NONE};
-    lg_machine_vars soft = *vars;
+lg_status lg_machine_variational_step(lg_tape *tape, const lg_machine_flow *flow, const lg_taped_span *over,
+                                      const lg_var u[2], lg_var *parts) {
+    const lg_machine_places at = lg_machine_parts(flow->vars->machine);
+    lg_machine_vars soft = *flow->vars;
     soft.soft = true;
-    motion s = {.vars = &soft, .over = over, .parts = moved};
-    const int places[] = {at.x, at.q, at.p, at.R, at.m};
-    for (size_t i = 0; i < LG_COUNT(places); i++)
-        if (places[i] >= 0) moved[places[i]] = parts[places[i]];
-    LG_TRY(kick(tape, &s, lg_machine_record_pull(tape, vars, moved), over->u[0]));
+    motion s = {.vars = &soft, .over = over, .parts = parts, .count = lg_taped_parts(&flow->space)};
+    LG_TRY(kick(tape, &s, u[0]));
     if (at.m >= 0) LG_TRY(move_bodies(tape, &s));
     if (at.q >= 0) move_directions(tape, &s);
-    LG_TRY(kick(tape, &s, lg_machine_record_pull(tape, vars, moved), over->u[1]));
-    for (size_t i = 0; i < LG_COUNT(places); i++)
-        if (places[i] >= 0) parts[places[i]] = moved[places[i]];
-    return lg_tape_status(tape);
+    return kick(tape, &s, u[1]);
 }

@@ -288,10 +288,9 @@ TEST("variational steps keep the manifold and the vertical momentum, bound the e
     const struct {
         const lg_hamiltonian_family *family;
         uint32_t n;
-    } rows[] = {{&lg_hamiltonian_chain, 1},
-                {&lg_hamiltonian_chain, 3},
-                {&lg_hamiltonian_rotation, 1},
-                {&lg_hamiltonian_rotation_direction, 1}};
+    } rows[] = {{&lg_hamiltonian_chain, 1},    {&lg_hamiltonian_chain, 3},
+                {&lg_hamiltonian_rotation, 1}, {&lg_hamiltonian_rotation_direction, 1},
+                {&lg_hamiltonian_pose, 1},     {&lg_hamiltonian_pose_direction, 1}};
     for (size_t r = 0; r < LG_COUNT(rows); r++) {
         const built b = make_upright(rows[r].family, rows[r].n);
         const lg_space space = space_of(&b);
@@ -304,7 +303,8 @@ TEST("variational steps keep the manifold and the vertical momentum, bound the e
             go_variational(&b, 40, 0.02, y);
             least = fmin(least, energy_of(&b, y) - energy);
             most = fmax(most, energy_of(&b, y) - energy);
-            assert_close(vertical_momentum(&b, y), momentum, 0.0, 1e-13);
+            if (rows[r].family->bodies.lines == 0) /* the axes of lines are fixed in space */
+                assert_close(vertical_momentum(&b, y), momentum, 0.0, 1e-13);
             assert_true(lg_space_manifold_error(&space, y) < 1e-13);
         }
         print_message("  %s of %u: energy %.1e to %.1e\n", rows[r].family->name, rows[r].n, least, most);
