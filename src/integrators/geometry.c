@@ -1,56 +1,23 @@
 /* SO(3) and SE(3) in coordinates. In every function `out` may be one of the inputs. */
 #include "liegrad/geometry.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "kernels/stumpff.h"
-
-static inline double dot(const double a[3], const double b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static inline void cross(const double a[3], const double b[3], double out[3]) {
-    const double x = a[1] * b[2] - a[2] * b[1];
-    const double y = a[2] * b[0] - a[0] * b[2];
-    const double z = a[0] * b[1] - a[1] * b[0];
-    out[0] = x;
-    out[1] = y;
-    out[2] = z;
-}
+#include "integrators/doubles.inc"
 
 double lg_dot3(const double a[3], const double b[3]) {
-    return dot(a, b);
+    return lie_dot(lie_at(a), lie_at(b));
 }
 
 void lg_cross3(const double a[3], const double b[3], double out[3]) {
-    cross(a, b, out);
-}
-
-/* out = b + g1 u x b + g2 u x (u x b): every function of hat(u) that is I at 0 has this form. */
-static void so3_function(double g1, double g2, const double u[3], const double b[3], double out[3]) {
-    double ub[3], uub[3];
-    cross(u, b, ub);
-    cross(u, ub, uub);
-    for (int i = 0; i < 3; i++) out[i] = b[i] + (g1 * ub[i] + g2 * uub[i]);
-}
-
-/* Applies so3_function to each column of the 3 x 3 matrix B. */
-static void so3_function_columns(double g1, double g2, const double u[3], const double B[9], double out[9]) {
-    double result[9];
-    for (int j = 0; j < 3; j++) {
-        double column[3] = {B[j], B[3 + j], B[6 + j]};
-        so3_function(g1, g2, u, column, column);
-        for (int i = 0; i < 3; i++) result[3 * i + j] = column[i];
-    }
-    memcpy(out, result, sizeof(result));
+    lie_put(lie_cross(lie_at(a), lie_at(b)), out);
 }
 
 void lg_so3_exp_multiply(const double u[3], const double R[9], double out[9]) {
-    double c[4];
-    lg_stumpff(dot(u, u), 3, 0, c);
-    so3_function_columns(c[1], c[2], u, R, out);
+    double c1, c2, c3;
+    stumpff_lanes(lg_dot3(u, u), &c1, &c2, &c3);
+    map_columns(c1, c2, lie_at(u), R, out);
 }
 
 void lg_so3_exp(const double u[3], double R[9]) {
@@ -78,14 +45,14 @@ void lg_so3_log(const double R[9], double u[3]) {
     int best = 0;
     for (int k = 1; k < 4; k++)
         if (rows[k][k] > rows[best][best]) best = k;
-    const double *q = rows[best], norm = sqrt(dot(q + 1, q + 1)), scalar = fabs(q[0]);
+    const double *q = rows[best], norm = sqrt(lg_dot3(q + 1, q + 1)), scalar = fabs(q[0]);
     const double half = norm == 0.0 ? 1.0 / scalar : atan2(norm, scalar) / norm;
     const double factor = q[0] < 0.0 ? -2.0 * half : 2.0 * half;
     for (int i = 0; i < 3; i++) u[i] = factor * q[i + 1];
 }
 
 void lg_so3_adjoint(const double R[9], const double b[3], double out[3]) {
-    const double x[3] = {dot(R, b), dot(R + 3, b), dot(R + 6, b)};
+    const double x[3] = {lg_dot3(R, b), lg_dot3(R + 3, b), lg_dot3(R + 6, b)};
     memcpy(out, x, sizeof(x));
 }
 
@@ -96,19 +63,19 @@ void lg_so3_coadjoint(const double R[9], const double mu[3], double out[3]) {
 }
 
 void lg_so3_exp_act(const double u[3], const double q[3], double out[3]) {
-    double c[4];
-    lg_stumpff(dot(u, u), 3, 0, c);
-    so3_function(c[1], c[2], u, q, out);
+    double c1, c2, c3;
+    stumpff_lanes(lg_dot3(u, u), &c1, &c2, &c3);
+    lie_put(lie_function(c1, c2, lie_at(u), lie_at(q)), out);
 }
 
 void lg_so3_dexp(const double u[3], const double b[3], double out[3]) {
-    double c[4];
-    lg_stumpff(dot(u, u), 3, 0, c);
-    so3_function(c[2], c[3], u, b, out);
+    double c1, c2, c3;
+    stumpff_lanes(lg_dot3(u, u), &c1, &c2, &c3);
+    lie_put(lie_function(c2, c3, lie_at(u), lie_at(b)), out);
 }
 
 void lg_so3_dexpinv(const double u[3], const double b[3], double out[3]) {
-    so3_function(-0.5, lg_dexpinv_coef(dot(u, u), 0), u, b, out);
+    lie_put(lie_function(-0.5, lg_dexpinv_coef(lg_dot3(u, u), 0), lie_at(u), lie_at(b)), out);
 }
 
 /* If the largest |entry| is outside of about 2^-9 .. 2^8, scales R by a power of two that brings it near 1.
@@ -161,8 +128,8 @@ void lg_so3_project(double R[9]) {
     double cofactor[9], d[9], change = 1.0;
     scale_entries(R);
     while (change > 1e-9) {
-        for (int i = 0; i < 3; i++) cross(R + 3 * ((i + 1) % 3), R + 3 * ((i + 2) % 3), cofactor + 3 * i);
-        const double det = dot(R, cofactor), scale = det > 0.0 ? 1.0 / det : NAN;
+        for (int i = 0; i < 3; i++) lg_cross3(R + 3 * ((i + 1) % 3), R + 3 * ((i + 2) % 3), cofactor + 3 * i);
+        const double det = lg_dot3(R, cofactor), scale = det > 0.0 ? 1.0 / det : NAN;
         change = 0.0;
         for (int i = 0; i < 9; i++) {
             d[i] = 0.5 * (scale * cofactor[i] - R[i]);
@@ -184,12 +151,11 @@ void lg_se3_exp(const double a[6], double R[9], double r[3]) {
 
 void lg_se3_exp_multiply(const double a[6], const double R[9], const double r[3], double out_R[9],
                          double out_r[3]) {
-    double c[4], moved[3], translation[3];
-    lg_stumpff(dot(a, a), 3, 0, c);
-    so3_function(c[2], c[3], a, a + 3, translation);
-    so3_function(c[1], c[2], a, r, moved);
-    so3_function_columns(c[1], c[2], a, R, out_R);
-    for (int i = 0; i < 3; i++) out_r[i] = moved[i] + translation[i];
+    const lie_vector u = lie_at(a);
+    double c1, c2, c3;
+    stumpff_lanes(lie_dot(u, u), &c1, &c2, &c3);
+    lie_put(lie_add(lie_function(c1, c2, u, lie_at(r)), lie_function(c2, c3, u, lie_at(a + 3))), out_r);
+    map_columns(c1, c2, u, R, out_R);
 }
 
 void lg_se3_log(const double R[9], const double r[3], double a[6]) {
@@ -200,37 +166,21 @@ void lg_se3_log(const double R[9], const double r[3], double a[6]) {
 }
 
 void lg_se3_exp_act(const double a[6], const double y[6], double out[6]) {
-    double c[4], r[3], q[3], p[3], rq[3];
-    lg_stumpff(dot(a, a), 3, 0, c);
-    so3_function(c[2], c[3], a, a + 3, r);
-    so3_function(c[1], c[2], a, y, q);
-    so3_function(c[1], c[2], a, y + 3, p);
-    cross(r, q, rq);
-    for (int i = 0; i < 3; i++) {
-        out[i] = q[i];
-        out[3 + i] = p[i] + rq[i];
-    }
-}
-
-/* out = (u x x1, u x x2 + v x x1) for a = (u, v) and x = (x1, x2): the generator on T*S^2 and the bracket of
- * se(3) have the same formula. */
-static void se3_cross(const double a[6], const double x[6], double out[6]) {
-    double first[3], second[3], third[3];
-    cross(a, x, first);
-    cross(a, x + 3, second);
-    cross(a + 3, x, third);
-    for (int i = 0; i < 3; i++) {
-        out[i] = first[i];
-        out[3 + i] = second[i] + third[i];
-    }
+    const lie_vector u = lie_at(a);
+    lie_vector q = lie_at(y), p = lie_at(y + 3);
+    double c1, c2, c3;
+    stumpff_lanes(lie_dot(u, u), &c1, &c2, &c3);
+    (void)lie_act(u, lie_at(a + 3), c1, c2, c3, &q, &p);
+    lie_put(q, out);
+    lie_put(p, out + 3);
 }
 
 void lg_se3_generator(const double a[6], const double y[6], double out[6]) {
-    se3_cross(a, y, out);
+    cross_pair(a, y, out);
 }
 
 void lg_se3_bracket(const double a[6], const double b[6], double out[6]) {
-    se3_cross(a, b, out);
+    cross_pair(a, b, out);
 }
 
 /* Coefficients of a function phi(ad_a) with phi(0) = 1, w = |u|^2: g1, g2 and gt = 2 dg/dw of each. */
@@ -240,12 +190,12 @@ typedef struct coefficients {
 
 static coefficients dexp_coefficients(const double a[6]) {
     double c[5];
-    lg_stumpff_slopes(dot(a, a), c);
+    lg_stumpff_slopes(lg_dot3(a, a), c);
     return (coefficients){c[1], c[3], c[2], c[4]};
 }
 
 static coefficients dexpinv_coefficients(const double a[6]) {
-    const double w = dot(a, a);
+    const double w = lg_dot3(a, a);
     return (coefficients){-0.5, 0.0, lg_dexpinv_coef(w, 0), 2.0 * lg_dexpinv_coef(w, 1)};
 }
 
@@ -254,9 +204,9 @@ static coefficients dexpinv_coefficients(const double a[6]) {
  * their rotational parts (the first three numbers). */
 static void se3_function(coefficients k, const double a[6], const double b[6], double out[6]) {
     double x[6], xx[6];
-    se3_cross(a, b, x);
-    se3_cross(a, x, xx);
-    const double rho = dot(a, a + 3);
+    cross_pair(a, b, x);
+    cross_pair(a, x, xx);
+    const double rho = lg_dot3(a, a + 3);
     for (int i = 0; i < 3; i++) {
         out[3 + i] = b[3 + i] + (k.g1 * x[3 + i] + k.g2 * xx[3 + i] + rho * (k.gt1 * x[i] + k.gt2 * xx[i]));
         out[i] = b[i] + (k.g1 * x[i] + k.g2 * xx[i]);

@@ -84,10 +84,6 @@ static lg_status damped(const lg_equation *e, double size, double *next_size, do
     return LG_NO_CONVERGENCE;
 }
 
-static void subtract(size_t n, double *x, const double *y) {
-    for (size_t i = 0; i < n; i++) x[i] -= y[i];
-}
-
 #define ROUNDING (0.05 * DBL_EPSILON)
 
 /* Repeats corrections with the same Jacobian, the first of them newton.step, as long as each is at most a
@@ -100,7 +96,7 @@ static lg_status chords(const lg_equation *e, bool *done) {
     for (bool fresh = true;; fresh = false) {
         double next_size;
         *done = size <= ROUNDING || (!fresh && size * rate <= ROUNDING);
-        if (*done) subtract(m, w->z, w->step);
+        for (size_t i = 0; *done && i < m; i++) w->z[i] -= w->step[i];
         if (*done) return LG_OK;
         const lg_status status = damped(e, size, &next_size, &lambda);
         if (status == LG_NO_CONVERGENCE) {

@@ -3,14 +3,15 @@
 #include <math.h>
 #include <string.h>
 
-#include "kernels/kernels.h"
+#include "integrators/doubles.inc"
+#include "integrators/groups.h"
 #include "integrators/stepper.h"
 
-static inline double dmax(double a, double b) {
+INLINE double dmax(double a, double b) {
     return a > b ? a : b;
 }
 
-static double dmin(double a, double b) {
+INLINE double dmin(double a, double b) {
     return a < b ? a : b;
 }
 
@@ -65,27 +66,6 @@ bool lg_step_controller_valid(const lg_step_controller *c) {
            c->max_angle > 0.0 && c->max_steps > 0;
 }
 
-lg_step_decision lg_step_controller_decide(const lg_step_controller *control, double exponent, double error,
-                                           const lg_step_history *history) {
-    const bool turned = !(history->angle <= control->max_angle);
-    const bool accept = error <= 1.0 && !turned;
-    double factor = control->factor_min; /* kept if the error is infinite or NaN */
-    if (error <= DBL_MAX) factor = control->safety * pow(dmax(error, DBL_MIN), -exponent);
-    /* The angle is nearly proportional to the step: this limit avoids steps that max_angle would reject. */
-    if (history->angle > 0.0) factor = dmin(factor, control->safety * control->max_angle / history->angle);
-    if (turned) factor = dmin(factor, 0.5);
-    if (isnan(history->angle)) factor = control->factor_min;
-    factor = dmin(factor, !accept || history->rejected ? 1.0 : control->factor_max);
-    factor = dmax(factor, control->factor_min);
-    const double h = history->h * factor;
-    return (lg_step_decision){accept, control->h_max > 0.0 ? dmin(h, control->h_max) : h};
-}
-
-double lg_error_norm(double rtol, const double *atol, const double *error, const double *y,
-                     const double *y_next, size_t dim) {
-    return lg_kernels_for(LG_F64)->error_norm(dim, rtol, atol, error, y, y_next);
-}
-
 /* ---- adaptive steps ---- */
 
 /* An adaptive run. Step sizes are positive; time advances by sign times the step size. */
@@ -97,65 +77,86 @@ typedef struct lg_run {
     double t_before; /* start of the last accepted step */
     double h, h_min;
     bool rejected; /* the last attempt was rejected */
+    const lg_space *space;
+    size_t dim;
+    double *y, *next;                /* the state; the end of an attempt */
+    double *point, *error, *bracket; /* the stepper's */
+    lg_tolerance tolerance;          /* in the stepper's memory */
     lg_run_stats stats;
 } lg_run;
 
-/* The norm of x relative to the tolerances of a step from y to y_next (lg_error_norm). */
-static double norm_at(const lg_run *run, const double *x, const double *y, const double *y_next) {
-    const lg_stepper *s = run->stepper;
-    return lg_error_norm(run->control->rtol, s->tolerance.atol, x, y, y_next, s->ode.space.dim);
+/* The norm of x relative to the tolerances of a step from y to `next` (error_norm of kernels.h). */
+static double norm_at(const lg_run *run, const double *x, const double *next) {
+    return run->stepper->kernels->error_norm(run->dim, run->control->rtol, run->tolerance.atol, x, run->y,
+                                             next);
 }
 
-/* *out = |y'(t + h) - y'(t)| / h relative to the tolerance: the difference of the ambient velocities at
- * exp(h f) . y and at y. NaN if the field is not finite at exp(h f) . y. */
-static lg_status curvature(const lg_run *run, double h, const double *f, double *out) {
-    lg_stepper *s = run->stepper;
-    const size_t n = s->ode.space.dim, m = s->ode.space.algebra_dim;
-    double *y = s->run[1], *velocity = s->point;
-    for (size_t i = 0; i < m; i++) s->sigma[i] = run->sign * h * f[i];
-    lg_space_act(&s->ode.space, s->sigma, s->run[0], y);
-    const lg_status status = lg_stepper_evaluate(s, run->t + run->sign * h, y, NULL, s->bracket);
-    *out = NAN;
-    if (status != LG_OK) return status == LG_NOT_FINITE ? LG_OK : status;
-    lg_space_generator(&s->ode.space, f, s->run[0], s->error);
-    lg_space_generator(&s->ode.space, s->bracket, y, velocity);
-    for (size_t i = 0; i < n; i++) s->error[i] = (velocity[i] - s->error[i]) / h;
-    *out = norm_at(run, s->error, s->run[0], s->run[0]);
-    return LG_OK;
+static lg_status run_field(const lg_run *run, double after, const double *y, double *out) {
+    return lg_stepper_evaluate(run->stepper, run->t + run->sign * after, y, NULL, out);
 }
 
-/* Chooses the first step after Hairer, Norsett and Wanner, Solving ordinary differential equations I, II.4,
- * but independently of the unit of time. d0, d1, d2 are the norms of y, y' and y'' relative to the
- * tolerances, and w = max(d1 / d0, sqrt(d2 / d0)). The first step h satisfies d0 (h w)^(1/exponent) <= 1, and
- * its rotation angle is at most max_angle / 2. */
+static void run_move(const lg_run *run, double h, const double *f, const double *y, double *out) {
+    double *sigma = run->stepper->sigma;
+    for (size_t i = 0; i < run->space->algebra_dim; i++) sigma[i] = run->sign * h * f[i];
+    lg_space_act(run->space, sigma, y, out);
+}
+
+static double run_angle(const lg_run *run, const double *f) {
+    return lg_space_angle(run->space, f);
+}
+
+static double run_norm(const lg_run *run, const double *x) {
+    return norm_at(run, x, run->y);
+}
+
+static bool run_finite(const lg_run *run, const double *x) {
+    return lg_all_finite(run->dim, x);
+}
+
+typedef bool lane_test;
+typedef lg_run start_run;
+typedef lg_tolerance lane_tolerance;
+typedef lg_step_decision lane_decision;
+#define lane_le(a, b)              ((a) <= (b))
+#define lane_lt(a, b)              ((a) < (b))
+#define lane_not(test)             (!(test))
+#define lane_choose(test, yes, no) ((test) ? (yes) : (no))
+#define lane_min                   dmin
+#define lane_max                   dmax
+#define lane_abs                   fabs
+#define lane_sqrt                  sqrt
+#define lane_generate              lg_space_generator
+#define lane_power                 pow
+#include "integrators/control.inc"
+
+lg_step_decision lg_step_controller_decide(const lg_step_controller *control, double exponent, double error,
+                                           const lg_step_history *history) {
+    return decide(control, -exponent, history->h, error, true, history->angle, history->rejected);
+}
+
+/* Sets run->h and the tolerances. */
 static lg_status first_step(lg_run *run) {
-    lg_stepper *s = run->stepper;
-    const size_t n = s->ode.space.dim;
-    const double span = fabs(run->t_end - run->t), least = 1e-6 * span;
+    const lg_stepper *s = run->stepper;
+    const lg_step_controller *control = run->control;
+    const double span = fabs(run->t_end - run->t);
     const double *f;
-    double second;
-    run->h = dmin(run->control->h_initial > 0.0 ? run->control->h_initial : span,
-                  run->control->h_max > 0.0 ? run->control->h_max : span);
-    LG_TRY(lg_stepper_first(s, run->t, span, s->run[0], NULL, &f));
-    LG_TRY(lg_tolerance_begin(s, run->control, run->t, span, f));
-    if (run->control->h_initial > 0.0) return LG_OK;
-    const double angle = lg_space_angle(&s->ode.space, f);
-    lg_space_generator(&s->ode.space, f, s->run[0], s->point);
-    if (!lg_all_finite(n, s->point)) return LG_NOT_FINITE;
-    const double size = norm_at(run, s->run[0], s->run[0], s->run[0]);
-    const double speed = norm_at(run, s->point, s->run[0], s->run[0]);
-    double h = 0.01 * size / speed;
-    if (!(h >= least)) h = least;
-    h = dmin(h, run->h);
-    if (angle > 0.0) h = dmin(h, 0.5 * run->control->max_angle / angle);
-    LG_TRY(curvature(run, h, f, &second));
-    const double rate = dmax(speed / size, sqrt(second / size));
-    double limit = 100.0 * h;
-    if (size > 0.0 && rate > 0.0) limit = dmin(limit, pow(size, -run->exponent) / rate);
-    if (!isfinite(second)) limit = 0.1 * h;
-    if (angle > 0.0) limit = dmin(limit, 0.5 * run->control->max_angle / angle);
-    run->h = dmax(dmin(limit, run->h), run->h_min);
+    double speed;
+    run->h = dmin(control->h_initial > 0.0 ? control->h_initial : span,
+                  control->h_max > 0.0 ? control->h_max : span);
+    run->tolerance.groups =
+        lg_space_groups(s->ode.manifold.factors > 0 ? &s->ode.manifold : &s->ode.space, run->tolerance.end);
+    LG_TRY(lg_stepper_first(run->stepper, run->t, span, run->y, NULL, &f));
+    LG_TRY(begin_tolerance(run, control, span, f));
+    if (control->h_initial == 0.0)
+        LG_TRY(choose_first_step(run, control, span, run->exponent, run->h_min, f, &speed, &run->h));
+    for (size_t i = 0; control->atol >= 0.0 && i < run->dim; i++) run->tolerance.atol[i] = control->atol;
     return LG_OK;
+}
+
+static void swap(double **a, double **b) {
+    double *kept = *a;
+    *a = *b;
+    *b = kept;
 }
 
 /* Tries one step. If it would reach `target`, it is clipped to end exactly there. Otherwise its size is the
@@ -167,10 +168,10 @@ static lg_status attempt(lg_run *run, double target) {
     const double h = clipped ? left : fabs(end - run->t);
     double error = NAN;
     if (run->stats.steps + run->stats.rejected >= run->control->max_steps) return LG_TOO_MANY_STEPS;
-    const lg_status status = lg_stepper_step(s, run->t, run->sign * h, s->run[0], NULL, s->run[1]);
+    const lg_status status = lg_stepper_step(s, run->t, run->sign * h, run->y, NULL, run->next);
     if (status == LG_OK) {
-        lg_tolerance_try(s, run->control, h, s->run[1]);
-        error = norm_at(run, s->error, s->run[0], s->run[1]);
+        if (run->control->atol < 0.0) try_tolerance(&run->tolerance, run->control->atol, h, run->next);
+        error = norm_at(run, s->error, run->next);
     } else if (status != LG_NOT_FINITE)
         return status;
     const lg_step_history history = {h, s->angle, run->rejected};
@@ -181,10 +182,8 @@ static lg_status attempt(lg_run *run, double target) {
         run->h = decision.h;
         return run->h >= run->h_min ? LG_OK : status == LG_OK ? LG_STEP_TOO_SMALL : status;
     }
-    double *swap = s->run[0];
-    s->run[0] = s->run[1];
-    s->run[1] = swap;
-    lg_tolerance_accept(s);
+    swap(&run->y, &run->next);
+    swap(&run->tolerance.size, &run->tolerance.tried);
     run->t_before = run->t;
     run->t = clipped ? target : end;
     run->h =
@@ -192,7 +191,7 @@ static lg_status attempt(lg_run *run, double target) {
     run->stats.steps++;
     run->stats.max_angle = dmax(run->stats.max_angle, s->angle);
     if (!run->control->observe) return LG_OK;
-    return run->control->observe(run->control->observer, run->t_before, run->sign * h, s->run[0]);
+    return run->control->observe(run->control->observer, run->t_before, run->sign * h, run->y);
 }
 
 static bool times_are_valid(double t0, const double *times, size_t count) {
@@ -205,12 +204,11 @@ static bool times_are_valid(double t0, const double *times, size_t count) {
 
 /* The state at `time`, which must lie in the last step. */
 static lg_status state_at(const lg_run *run, double time, double *out) {
-    const lg_stepper *s = run->stepper;
     if (time == run->t) {
-        memcpy(out, s->run[0], s->ode.space.dim * sizeof(*out));
+        memcpy(out, run->y, run->dim * sizeof(*out));
         return LG_OK;
     }
-    return lg_stepper_dense(s, dmin((time - run->t_before) / (run->t - run->t_before), 1.0), out);
+    return lg_stepper_dense(run->stepper, dmin((time - run->t_before) / (run->t - run->t_before), 1.0), out);
 }
 
 /* Equal steps. A time this close to the end of a step counts as equal to it. */
@@ -221,26 +219,25 @@ static lg_status run_equal(lg_run *run, const double *times, size_t count, doubl
     for (size_t n = 0, row = 0;; n++) {
         for (; row < count && run->sign * (times[row] - run->t) <= near; row++)
             LG_TRY(state_at(run, run->sign * (run->t - times[row]) <= near ? run->t : times[row],
-                            out + row * s->ode.space.dim));
+                            out + row * run->dim));
         if (n == run->control->steps) return LG_OK;
-        LG_TRY(lg_stepper_step(s, run->t, h, s->run[0], NULL, s->run[0]));
+        LG_TRY(lg_stepper_step(s, run->t, h, run->y, NULL, run->y));
         run->t_before = run->t;
         run->t = t0 + (double)(n + 1) * h;
         run->stats.steps++;
         run->stats.max_angle = dmax(run->stats.max_angle, s->angle);
         if (run->control->observe)
-            LG_TRY(run->control->observe(run->control->observer, run->t_before, h, s->run[0]));
+            LG_TRY(run->control->observe(run->control->observer, run->t_before, h, run->y));
     }
 }
 
 static lg_status run_to_times(lg_run *run, const double *times, size_t count, double *out) {
-    const size_t n = run->stepper->ode.space.dim;
     if (run->control->steps > 0) return run_equal(run, times, count, out);
     const bool dense = run->control->dense && run->stepper->scheme->dense_order > 0;
     if (run->t_end != run->t) LG_TRY(first_step(run));
     for (size_t i = 0; i < count; i++) {
         while (run->sign * (times[i] - run->t) > 0.0) LG_TRY(attempt(run, dense ? run->t_end : times[i]));
-        LG_TRY(state_at(run, times[i], out + i * n));
+        LG_TRY(state_at(run, times[i], out + i * run->dim));
     }
     return LG_OK;
 }
@@ -267,8 +264,16 @@ lg_status lg_integrate_adaptive(lg_stepper *stepper, const lg_step_controller *c
                   .t = t0,
                   .t_end = t_end,
                   .sign = t_end >= t0 ? 1.0 : -1.0,
-                  .h_min = 4.0 * DBL_EPSILON * dmax(fabs(t0), fabs(t_end))};
-    memcpy(stepper->run[0], y0, stepper->ode.space.dim * sizeof(*y0));
+                  .h_min = 4.0 * DBL_EPSILON * dmax(fabs(t0), fabs(t_end)),
+                  .space = &stepper->ode.space,
+                  .dim = stepper->ode.space.dim,
+                  .y = stepper->run[0],
+                  .next = stepper->run[1],
+                  .point = stepper->point,
+                  .error = stepper->error,
+                  .bracket = stepper->bracket,
+                  .tolerance = stepper->tolerance};
+    memcpy(run.y, y0, run.dim * sizeof(*y0));
     const lg_status status = run_to_times(&run, times, count, out);
     run.stats.evaluations = lg_stepper_evaluations(stepper) - before;
     if (stats) *stats = run.stats;

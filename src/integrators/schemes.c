@@ -370,10 +370,6 @@ static const char *theta_fault(const lg_scheme *s) {
     return s->theta >= 0.0 && s->theta <= 1.0 ? NULL : "theta is outside 0..1";
 }
 
-static const char *variational_fault(const lg_scheme *s) {
-    return NULL;
-}
-
 /* Refuses parts that schemes of this kind cannot have. */
 static const char *kind_fault(const lg_scheme *s) {
     const bool rkmk = s->kind == LG_SCHEME_RKMK;
@@ -388,7 +384,7 @@ lg_status lg_scheme_check(const lg_scheme *scheme, lg_error *error) {
     static const char *(*const fault_of[LG_SCHEME_KINDS])(const lg_scheme *) = {
         [LG_SCHEME_RKMK] = rkmk_fault,           [LG_SCHEME_COMMUTATOR_FREE] = cf_fault,
         [LG_SCHEME_SPLITTING] = splitting_fault, [LG_SCHEME_IMPLICIT] = theta_fault,
-        [LG_SCHEME_SLGI] = theta_fault,          [LG_SCHEME_VARIATIONAL] = variational_fault,
+        [LG_SCHEME_SLGI] = theta_fault,
     };
     if (!scheme) return lg_fail(error, LG_INVALID_ARGUMENT, "scheme is NULL");
     const char *name = scheme->name ? scheme->name : "(no name)";
@@ -401,7 +397,7 @@ lg_status lg_scheme_check(const lg_scheme *scheme, lg_error *error) {
         fault = "the order is out of range";
     else
         fault = kind_fault(scheme);
-    if (!fault) fault = fault_of[scheme->kind](scheme);
+    if (!fault && fault_of[scheme->kind]) fault = fault_of[scheme->kind](scheme);
     if (fault) return lg_fail(error, LG_INVALID_ARGUMENT, "scheme %s: %s", name, fault);
     return lg_fail(error, LG_OK, "%s", "");
 }

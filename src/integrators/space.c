@@ -3,15 +3,12 @@
 #include "liegrad/integrators.h"
 #include "liegrad/taped.h"
 
-#include <math.h>
 #include <stdint.h>
 #include <string.h>
 
-#include "kernels/kernels.h"
-#include "kernels/stumpff.h"
 #include "core/core.h"
+#include "integrators/doubles.inc"
 #include "integrators/groups.h"
-#include "integrators/series.h"
 
 /* In exact arithmetic the group actions preserve |q| = 1 and R^T R = I. Rounded actions do not: the rounding
  * error of a coefficient is the same in every step with the same |u|, so the drift grows with the number of
@@ -32,14 +29,29 @@ static double nan_in(size_t n, const double *y) {
     return found ? NAN : 0.0;
 }
 
-/* NAME calls ONE for each copy. One copy of `a`, `b` and `out` has A, B and OUT numbers. */
+/* NAME calls ONE for each copy. One copy of `a`, `b` and `out` has A, B and OUT numbers. WORST returns the
+ * largest value of ONE. */
 #define EACH(NAME, ONE, A, B, OUT)                                                                           \
     static void NAME(size_t count, const double *a, const double *b, double *out) {                          \
         for (size_t i = 0; i < count; i++) ONE(a + (A)*i, b + (B)*i, out + (OUT)*i);                         \
     }
+#define EACH_OF_KIND(NAME, ONE, KIND, A, B)                                                                  \
+    static void NAME(size_t count, const double *a, const double *y, double *out) {                          \
+        for (size_t i = 0; i < count; i++) ONE(KIND, a + (A)*i, y + (B)*i, out + (B)*i);                     \
+    }
 #define EACH_IN_PLACE(NAME, ONE, N)                                                                          \
     static void NAME(size_t count, const double *y, double *g) {                                             \
         for (size_t i = 0; i < count; i++) ONE(y + (N)*i, g + (N)*i);                                        \
+    }
+#define EACH_PROJECTED(NAME, ONE, N)                                                                         \
+    static void NAME(size_t count, double *y) {                                                              \
+        for (size_t i = 0; i < count; i++) ONE(y + (N)*i);                                                   \
+    }
+#define WORST(NAME, ONE, N)                                                                                  \
+    static double NAME(size_t count, const double *y) {                                                      \
+        double error = 0.0;                                                                                  \
+        for (size_t i = 0; i < count; i++) error = worse(error, ONE(y + (N)*i));                             \
+        return error;                                                                                        \
     }
 
 /* ---- tangent coordinates, whose C is also what lg-export writes ---- */
@@ -104,23 +116,18 @@ static void ts2_act(size_t count, const double *a, const double *y, double *out)
 
 EACH(ts2_generator, lg_se3_generator, 6, 6, 6)
 
-static void ts2_project(size_t count, double *y) {
-    for (size_t i = 0; i < count; i++, y += 6) {
-        const double norm = sqrt(lg_dot3(y, y));
-        for (int j = 0; j < 3; j++) y[j] /= norm;
-        const double along = lg_dot3(y, y + 3);
-        for (int j = 0; j < 3; j++) y[3 + j] -= along * y[j];
-    }
+static void project_direction(double *y) {
+    const double norm = sqrt(lg_dot3(y, y));
+    for (int j = 0; j < 3; j++) y[j] /= norm;
+    const double along = lg_dot3(y, y + 3);
+    for (int j = 0; j < 3; j++) y[3 + j] -= along * y[j];
 }
+EACH_PROJECTED(ts2_project, project_direction, 6)
 
-static double ts2_manifold_error(size_t count, const double *y) {
-    double error = 0.0;
-    for (size_t i = 0; i < count && !isnan(error); i++, y += 6) {
-        error = worse(error, fabs(sqrt(lg_dot3(y, y)) - 1.0));
-        if (!isnan(error)) error = worse(error, fabs(lg_dot3(y, y + 3)));
-    }
-    return error;
+static double direction_error(const double *y) {
+    return worse(fabs(sqrt(lg_dot3(y, y)) - 1.0), fabs(lg_dot3(y, y + 3)));
 }
+WORST(ts2_manifold_error, direction_error, 6)
 
 /* The constraints |q|^2/2 and q.p have the gradients (q, 0) and (p, q). Subtracts from g its orthogonal
  * projection onto their span. */
@@ -160,48 +167,14 @@ static void ts2_lift(size_t count, const double *y, const double *vector, double
 
 enum { SO3_STATE = 9, SE3_STATE = 12 };
 
-/* G = R R^T - I, symmetric. Returns the largest |entry|, or NaN. */
-static double gram(const double R[9], double G[9]) {
-    double error = 0.0;
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j <= i; j++) {
-            const double g = lg_dot3(R + 3 * i, R + 3 * j) - (i == j ? 1.0 : 0.0);
-            G[3 * i + j] = G[3 * j + i] = g;
-            if (!isnan(error)) error = worse(error, fabs(g));
-        }
-    return error;
-}
-
-/* One Newton-Schulz step R <- (I - G/2) R, G = R R^T - I; only if no |entry| of G exceeds LG_LIE_ROUNDING. */
-static void settle_rotation(double R[9]) {
-    double G[9], d[9];
-    if (!(gram(R, G) <= LG_LIE_ROUNDING)) return;
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            d[3 * i + j] = G[3 * i] * R[j] + G[3 * i + 1] * R[3 + j] + G[3 * i + 2] * R[6 + j];
-    for (int i = 0; i < 9; i++) R[i] -= 0.5 * d[i];
-}
-
-/* out = hat(u) R */
-static void hat_multiply(const double u[3], const double R[9], double out[9]) {
-    double result[9];
-    for (int j = 0; j < 3; j++) {
-        const double column[3] = {R[j], R[3 + j], R[6 + j]};
-        double moved[3];
-        lg_cross3(u, column, moved);
-        for (int i = 0; i < 3; i++) result[3 * i + j] = moved[i];
-    }
-    memcpy(out, result, sizeof(result));
-}
-
 /* The largest |entry| of R^T R - I, or 1 - det R if that is larger and det R < 0: a reflection gives 2. */
 static double rotation_error(const double R[9]) {
-    double transposed[9], G[9], c[3];
-    for (int i = 0; i < 9; i++) transposed[i] = R[3 * (i % 3) + i / 3];
-    const double error = gram(transposed, G);
-    lg_cross3(R, R + 3, c);
-    const double det = lg_dot3(c, R + 6);
-    return det < 0.0 && !isnan(error) ? worse(error, 1.0 - det) : error;
+    double error = 0.0;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j <= i; j++)
+            error = worse(error, fabs(R[i] * R[j] + R[3 + i] * R[3 + j] + R[6 + i] * R[6 + j] - (i == j)));
+    const double det = lie_dot(lie_cross(lie_at(R), lie_at(R + 3)), lie_at(R + 6));
+    return det < 0.0 ? worse(error, 1.0 - det) : error;
 }
 
 /* Projects G onto the tangent space {hat(u) R}, in place. As |hat(u) R|^2 = 2 |u|^2, the projection has
@@ -214,61 +187,22 @@ static void rotation_gradient(const double R[9], double G[9]) {
         lg_cross3(column, of_g, c);
         for (int i = 0; i < 3; i++) u[i] += 0.5 * c[i];
     }
-    hat_multiply(u, R, G);
+    cross_columns(lie_at(u), R, G);
 }
 
-static void so3_act(size_t count, const double *a, const double *y, double *out) {
-    for (size_t i = 0; i < count; i++, a += 3, y += SO3_STATE, out += SO3_STATE) {
-        lg_so3_exp_multiply(a, y, out);
-        settle_rotation(out);
-    }
-}
+EACH_OF_KIND(so3_act, act_copy, LG_SPACE_SO3, 3, SO3_STATE)
+EACH_OF_KIND(se3_act, act_copy, LG_SPACE_SE3, 6, SE3_STATE)
+EACH_OF_KIND(so3_generator, generate_copy, LG_SPACE_SO3, 3, SO3_STATE)
+EACH_OF_KIND(se3_generator, generate_copy, LG_SPACE_SE3, 6, SE3_STATE)
 
-EACH(so3_generator, hat_multiply, 3, SO3_STATE, SO3_STATE)
+EACH_PROJECTED(so3_project, lg_so3_project, SO3_STATE)
+EACH_PROJECTED(se3_project, lg_so3_project, SE3_STATE)
 
-static void se3_act(size_t count, const double *a, const double *y, double *out) {
-    for (size_t i = 0; i < count; i++, a += 6, y += SE3_STATE, out += SE3_STATE) {
-        lg_se3_exp_multiply(a, y, y + 9, out, out + 9);
-        settle_rotation(out);
-    }
+static double pose_error(const double *y) {
+    return worse(rotation_error(y), nan_in(3, y + 9));
 }
-
-static void se3_generator(size_t count, const double *a, const double *y, double *out) {
-    for (size_t i = 0; i < count; i++, a += 6, y += SE3_STATE, out += SE3_STATE) {
-        double turned[3];
-        lg_cross3(a, y + 9, turned);
-        hat_multiply(a, y, out);
-        for (int j = 0; j < 3; j++) out[9 + j] = turned[j] + a[3 + j];
-    }
-}
-
-static void project_rotations(size_t count, size_t stride, double *y) {
-    for (size_t i = 0; i < count; i++) lg_so3_project(y + stride * i);
-}
-
-static void so3_project(size_t count, double *y) {
-    project_rotations(count, SO3_STATE, y);
-}
-
-static void se3_project(size_t count, double *y) {
-    project_rotations(count, SE3_STATE, y);
-}
-
-static double so3_manifold_error(size_t count, const double *y) {
-    double error = 0.0;
-    for (size_t i = 0; i < count && !isnan(error); i++)
-        error = worse(error, rotation_error(y + SO3_STATE * i));
-    return error;
-}
-
-static double se3_manifold_error(size_t count, const double *y) {
-    double error = 0.0;
-    for (size_t i = 0; i < count && !isnan(error); i++, y += SE3_STATE) {
-        error = worse(error, rotation_error(y));
-        if (!isnan(error)) error = worse(error, nan_in(3, y + 9));
-    }
-    return error;
-}
+WORST(so3_manifold_error, rotation_error, SO3_STATE)
+WORST(se3_manifold_error, pose_error, SE3_STATE)
 
 EACH_IN_PLACE(so3_gradient, rotation_gradient, SO3_STATE)
 EACH_IN_PLACE(se3_gradient, rotation_gradient, SE3_STATE)
@@ -497,21 +431,6 @@ const double lg_dexpinv_series[LG_DEXPINV_MAX + 1] = {
     1.0 / 30240.0, 0.0,        -1.0 / 1209600.0, 0.0, 1.0 / 47900160.0,
 };
 
-static void dexpinv_series(const lg_space_entry *row, int K, size_t count, const double *a, const double *b,
-                           double *out) {
-    double term[LG_SPACE_MAX_ALGEBRA], sum[LG_SPACE_MAX_ALGEBRA];
-    const size_t m = row->algebra;
-    for (size_t i = 0; i < count; i++, a += m, b += m, out += m) {
-        memcpy(term, b, m * sizeof(*b));
-        memcpy(sum, b, m * sizeof(*b));
-        for (int k = 1; k <= K; k++) {
-            row->bracket(1, a, term, term);
-            for (size_t j = 0; j < m; j++) sum[j] += lg_dexpinv_series[k] * term[j];
-        }
-        memcpy(out, sum, m * sizeof(*out));
-    }
-}
-
 void lg_space_dexpinv(const lg_space *space, int truncation, const double *a, const double *b, double *out) {
     FOR_FACTORS(space, row, n, at, in) {
         if (row->abelian)
@@ -519,8 +438,9 @@ void lg_space_dexpinv(const lg_space *space, int truncation, const double *a, co
         else if (truncation == LG_DEXPINV_EXACT)
             row->dexpinv(n, a + in, b + in, out + in);
         else
-            dexpinv_series(row, truncation < LG_DEXPINV_MAX ? truncation : LG_DEXPINV_MAX, n, a + in, b + in,
-                           out + in);
+            for (size_t i = in; i < in + n * row->algebra; i += row->algebra)
+                dexpinv_series(row->algebra, truncation < LG_DEXPINV_MAX ? truncation : LG_DEXPINV_MAX, a + i,
+                               b + i, out + i);
     }
 }
 
@@ -533,7 +453,7 @@ void lg_space_project(const lg_space *space, double *y) {
 double lg_space_manifold_error(const lg_space *space, const double *y) {
     double error = 0.0;
     FOR_FACTORS(space, row, n, at, in) {
-        if (!isnan(error)) error = worse(error, row->manifold_error(n, y + at));
+        error = worse(error, row->manifold_error(n, y + at));
     }
     return error;
 }
@@ -541,7 +461,7 @@ double lg_space_manifold_error(const lg_space *space, const double *y) {
 double lg_space_angle(const lg_space *space, const double *a) {
     double angle = 0.0;
     FOR_FACTORS(space, row, n, at, in) {
-        if (!isnan(angle)) angle = worse(angle, row->angle(n, a + in));
+        angle = worse(angle, row->angle(n, a + in));
     }
     return angle;
 }

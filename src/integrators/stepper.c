@@ -15,8 +15,8 @@ struct lg_step_form {
     bool (*fits)(const lg_scheme *scheme, const lg_space *space); /* NULL: always */
     lg_status (*step)(lg_stepper *s, double t, double h, const double *y, const double *input);
     void (*dense)(const lg_stepper *s, const double *weight, double *y); /* NULL: no dense output */
-    /* Requirements: space R^n, even dimension, ode.field, ode.force and ode.velocity, ode.step. */
-    bool abelian, even, field, halves, map;
+    /* Requirements: space R^n, ode.field, even dimension with ode.force and ode.velocity, ode.step. */
+    bool abelian, field, halves, map;
     /* The memory that the form needs: packed copies, Newton's method, one point per stage. */
     bool packed, newton, points;
 };
@@ -29,7 +29,7 @@ static const lg_step_form forms[] = {
     {LG_SCHEME_RKMK, lg_packed_fits, lg_step_packed, lg_dense_packed, .field = true, .packed = true},
     {LG_SCHEME_RKMK, NULL, lg_step_rkmk, lg_dense_rkmk, .field = true},
     {LG_SCHEME_COMMUTATOR_FREE, NULL, lg_step_commutator_free, NULL, .field = true, .points = true},
-    {LG_SCHEME_SPLITTING, NULL, lg_step_splitting, NULL, .abelian = true, .even = true, .halves = true},
+    {LG_SCHEME_SPLITTING, NULL, lg_step_splitting, NULL, .abelian = true, .halves = true},
     {LG_SCHEME_IMPLICIT, NULL, lg_step_implicit, NULL, .abelian = true, .field = true, .newton = true},
     {LG_SCHEME_SLGI, slgi_fits, lg_step_slgi, NULL, .field = true, .newton = true},
     {LG_SCHEME_VARIATIONAL, NULL, lg_step_variational, NULL, .map = true},
@@ -57,7 +57,7 @@ static lg_status check(const lg_scheme *scheme, const lg_ode *ode) {
     const lg_step_form *needs = form_of(scheme, &ode->space);
     if (!needs) return LG_UNSUPPORTED;
     if ((needs->abelian || scheme->ambient) && !lg_space_is_abelian(&ode->space)) return LG_UNSUPPORTED;
-    if (needs->even && ode->space.dim % 2 != 0) return LG_UNSUPPORTED;
+    if (needs->halves && ode->space.dim % 2 != 0) return LG_UNSUPPORTED;
     if (needs->newton && ode->space.algebra_dim > NEWTON_MAX) return LG_UNSUPPORTED;
     if ((needs->field && !ode->field) || (needs->halves && (!ode->force || !ode->velocity)) ||
         (needs->map && !ode->step))
@@ -122,7 +122,7 @@ lg_status lg_stepper_init(const lg_scheme *scheme, const lg_ode *ode, lg_stepper
     *s = (lg_stepper){.scheme = scheme, .form = form_of(scheme, &ode->space), .ode = *ode};
     s->memoises = scheme->embedded_order > 0 || scheme->fsal;
     s->abelian = lg_space_is_abelian(&ode->space);
-    s->identity = scheme->kind == LG_SCHEME_RKMK && (scheme->dexpinv == 0 || s->abelian);
+    s->identity = scheme->kind != LG_SCHEME_RKMK || scheme->dexpinv == 0 || s->abelian;
     s->kernels = lg_kernels_for(LG_F64);
     for (int i = 0; i < scheme->stages; i++) s->difference[i] = scheme->b[i] - scheme->embedded[i];
     (void)lay_out(s, memory, scheme, &ode->space);

@@ -45,11 +45,13 @@ struct lg_stepper {
     const lg_step_form *form; /* see stepper.c */
     lg_ode ode;
     size_t evaluations;
-    double angle;  /* largest rotation angle in the last step */
+    double angle; /* largest rotation angle in the last step */
+    double t;     /* the start of the current step; with its input, of explicit schemes only */
+    const double *input;
     double h;      /* the size of the last step */
     bool memoises; /* field values are kept, so that the first one of a step may be known already */
     bool abelian;  /* the space is R^n: no angles */
-    bool identity; /* dexpinv is the identity: k_i is the field's value */
+    bool identity; /* commutator-free, or dexpinv is the identity: k_i is the field's value */
     bool dense;    /* the last step succeeded and its scheme has dense output */
     const struct lg_kernels *kernels;
     lg_memo memo[2];
@@ -106,17 +108,6 @@ lg_status lg_newton_solve(lg_stepper *s, double t, double h, const double *y, co
 /* Whether the space is one copy of SE(3), optionally followed by one R^2m. */
 bool lg_slgi_fits(const lg_space *space);
 
-/* Prepares the tolerances of an adaptive run of duration `span` that starts at run[0]; f is the field there.
- * Until lg_tolerance_try they serve to choose the first step: all numbers of a group have the same tolerance,
- * and a group that starts at 0 counts as large as its velocity times `span`. Overwrites error, run[1], point
- * and bracket. Errors: those of the field. */
-lg_status lg_tolerance_begin(lg_stepper *s, const lg_step_controller *control, double t, double span,
-                             const double *f);
-/* lg_tolerance_try sets the tolerances for an attempt of size h that ends at y_next. lg_tolerance_accept is
- * called when the attempt is accepted: it keeps the groups' new sizes. */
-void lg_tolerance_try(lg_stepper *s, const lg_step_controller *control, double h, const double *y_next);
-void lg_tolerance_accept(lg_stepper *s);
-
 bool lg_all_finite(size_t n, const double *x);
 bool lg_step_controller_valid(const lg_step_controller *control);
 
@@ -124,9 +115,5 @@ bool lg_step_controller_valid(const lg_step_controller *control);
  * embedded solution. RKMK: h sum (b_i - embedded_i) k_i, mapped by the generator at y_next. Commutator-free
  * schemes: the difference of the two solutions. */
 const double *lg_stepper_error(const lg_stepper *stepper);
-/* Root mean square of error_i / (atol_i + rtol max(|y_i|, |y_next_i|)); 0/0 counts as 0. All arrays have dim
- * numbers. */
-double lg_error_norm(double rtol, const double *atol, const double *error, const double *y,
-                     const double *y_next, size_t dim);
 
 #endif

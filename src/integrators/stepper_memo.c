@@ -31,23 +31,20 @@ lg_status lg_stepper_evaluate(lg_stepper *s, double t, const double *y, const do
 lg_status lg_stepper_first(lg_stepper *s, double t, double h, const double *y, const double *input,
                            const double **f) {
     const size_t n = s->ode.space.dim;
-    if (!s->memoises || input) {
-        lg_stepper_reset(s);
-        if (s->scheme->dense_order > 0) memcpy(s->memo[0].y, y, n * sizeof(*y));
-        *f = s->k;
-        return lg_stepper_evaluate(s, t, y, input, s->k);
+    const bool keeps = s->memoises && !input;
+    lg_memo *start = &s->memo[0], *end = &s->memo[1];
+    if (keeps && !lg_memo_holds(start, n, t, h, y) && lg_memo_holds(end, n, t, h, y)) {
+        const lg_memo kept = *start;
+        *start = *end;
+        *end = kept;
+    } else if (!keeps || !lg_memo_holds(start, n, t, h, y)) {
+        start->valid = false;
+        LG_TRY(lg_stepper_evaluate(s, t, y, input, start->value));
+        lg_memo_keep(start, n, t, y);
+        start->valid = keeps;
     }
-    if (!lg_memo_holds(&s->memo[0], n, t, h, y) && lg_memo_holds(&s->memo[1], n, t, h, y)) {
-        const lg_memo swap = s->memo[0];
-        s->memo[0] = s->memo[1];
-        s->memo[1] = swap;
-    } else if (!lg_memo_holds(&s->memo[0], n, t, h, y)) {
-        s->memo[0].valid = false;
-        LG_TRY(lg_stepper_evaluate(s, t, y, input, s->memo[0].value));
-        lg_memo_keep(&s->memo[0], n, t, y);
-    }
-    s->memo[1].valid = false;
-    *f = s->memo[0].value;
+    end->valid = false;
+    *f = start->value;
     return LG_OK;
 }
 
