@@ -96,13 +96,9 @@ static lg_status begin(lg_certify *c, const lg_certify_spec *spec, lg_error *err
     c->resolution = spec->resolution;
     c->determinant = 1;
     c->period = spec->period;
-    size_t inputs, function;
-    LG_TRY(lg_program_find(spec->program, spec->rate, &function, error));
-    const lg_port *in = lg_program_inputs(spec->program, function, &inputs);
-    c->n = inputs == 1 || spec->control != NULL ? lg_shape_count(in[0].shape) : 0;
-    if (c->n < 1 || c->n > LG_CERTIFY_STATES)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the function '%s' needs one input of 1 to %d states",
-                       spec->rate, LG_CERTIFY_STATES);
+    size_t function;
+    LG_TRY(lg_certify_function(spec->program, spec->rate, LG_CERTIFY_STATES, false, spec->control != NULL,
+                               &function, &c->n, error));
     for (size_t i = 0; spec->model_error != NULL && i < c->n; i++) c->errors |= spec->model_error[i] != 0.0;
     LG_TRY(take_box(c, spec, error));
     if (c->quadratic) {

@@ -80,6 +80,11 @@ enum {
     LG_CERTIFY_TASKS = LG_CERTIFY_BATCH / LG_CERTIFY_TASK
 };
 
+/* certify_program.c: finds a function of states and sets *n to their number, at most `most`; if *n was not 0,
+ * they must be as many. Its first output has as many numbers, or one number (value). Of the rate of a held
+ * loop, which has inputs too, only the number of states is checked: lg_flow_create checks the rest. */
+lg_status lg_certify_function(const lg_program *program, const char *name, uint32_t most, bool value,
+                              bool held, size_t *function, size_t *n, lg_error *error);
 /* certify_program.c: records the functions, and makes the evaluators; they replace earlier ones. */
 void lg_certify_forget(lg_certify *c);
 /* Bounds the rounding of the inputs of a held loop. */

@@ -145,22 +145,20 @@ static lg_status between(void *user, lg_tape *tape, const lg_var *theta, const l
     return lg_tape_status(tape);
 }
 
-static lg_status find(const lg_certify_spec *spec, const char *name, bool state, size_t *function, size_t *n,
-                      lg_error *error) {
+lg_status lg_certify_function(const lg_program *program, const char *name, uint32_t most, bool value,
+                              bool held, size_t *function, size_t *n, lg_error *error) {
     size_t inputs, outputs;
-    LG_TRY(lg_program_find(spec->program, name, function, error));
-    const lg_port *in = lg_program_inputs(spec->program, *function, &inputs);
-    const lg_port *out = lg_program_outputs(spec->program, *function, &outputs);
-    const size_t states = inputs == 1 ? lg_shape_count(in[0].shape) : 0;
-    if (spec->control != NULL && name != spec->lyapunov) { /* lg_flow_create checks the ports */
-        *n = inputs > 0 ? lg_shape_count(in[0].shape) : 0;
-        if (*n > 0 && *n <= LG_CERTIFY_STATES) return LG_OK;
-    }
-    if (states == 0 || states > LG_CERTIFY_STATES || in[0].shared || in[0].shape.rank != 1 || out[0].shared ||
-        (*n != 0 && states != *n) || lg_shape_count(out[0].shape) != (state ? states : 1))
+    LG_TRY(lg_program_find(program, name, function, error));
+    const lg_port *in = lg_program_inputs(program, *function, &inputs);
+    const lg_port *out = lg_program_outputs(program, *function, &outputs);
+    const size_t states = inputs == 1 || (held && inputs > 0) ? lg_shape_count(in[0].shape) : 0;
+    const bool fits =
+        held || (!in[0].shared && in[0].shape.rank == 1 && !out[0].shared && (*n == 0 || states == *n) &&
+                 lg_shape_count(out[0].shape) == (value ? 1 : states));
+    if (states == 0 || states > most || !fits)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the function '%s' needs one input of 1 to %d states, and %s as its first output",
-                       name, LG_CERTIFY_STATES, state ? "as many numbers" : "one number");
+                       "the function '%s' needs one input of 1 to %u states, and %s as its first output",
+                       name, most, value ? "one number" : "as many numbers");
     *n = states;
     return LG_OK;
 }
@@ -201,8 +199,10 @@ void lg_certify_forget(lg_certify *c) {
 lg_status lg_certify_record(lg_certify *c, const lg_certify_spec *spec, lg_error *error) {
     recording r = {.c = c, .from = spec->program, .held = spec->control != NULL};
     lg_certify_forget(c);
-    LG_TRY(find(spec, spec->rate, true, &r.rate, &c->n, error));
-    if (!c->quadratic) LG_TRY(find(spec, spec->lyapunov, false, &r.lyapunov, &c->n, error));
+    LG_TRY(lg_program_find(spec->program, spec->rate, &r.rate, error));
+    if (!c->quadratic)
+        LG_TRY(lg_certify_function(spec->program, spec->lyapunov, LG_CERTIFY_STATES, true, false, &r.lyapunov,
+                                   &c->n, error));
     const uint32_t n = (uint32_t)c->n;
     const lg_shape states = lg_shape1(n), square = lg_shape2(n, n);
     const lg_port in[5] = {{.name = "y", .shape = states},

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "certify/certify.h"
 #include "certify/linear_program.h"
 #include "autodiff/program/program.h"
 #include "core/clean.h"
@@ -219,20 +220,6 @@ static lg_status polynomial(void *user, lg_tape *tape, const lg_var *theta, cons
     return lg_tape_status(tape);
 }
 
-static lg_status check_function(fitting *f, const char *name, size_t *number, lg_error *error) {
-    size_t inputs, outputs;
-    LG_TRY(lg_program_find(f->program, name, number, error));
-    const lg_port *in = lg_program_inputs(f->program, *number, &inputs);
-    const lg_port *out = lg_program_outputs(f->program, *number, &outputs);
-    const size_t n = inputs == 1 && !in[0].shared && in[0].shape.rank == 1 ? in[0].shape.dims[0] : 0;
-    if (n < 1 || n > STATES || (f->n != 0 && n != f->n) || out[0].shared || lg_shape_count(out[0].shape) != n)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the function '%s' needs one input of 1 to %d states and as many outputs", name,
-                       STATES);
-    f->n = n;
-    return LG_OK;
-}
-
 static lg_status fit(fitting *f, lg_error *error) {
     const lg_port in = {.name = "x", .shape = lg_shape1((uint32_t)f->n)}, out = {.name = "v"};
     const lg_function_spec function = {f->spec->name, &in, 1, &out, 1, polynomial, f};
@@ -265,8 +252,9 @@ lg_status lg_lyapunov_polynomial(lg_program *program, const lg_lyapunov_spec *sp
     LG_TRY_SCRATCH(fitting, f, program->context, 1, lg_no_memory(error));
     *f = (fitting){.context = program->context, .program = program, .spec = spec, .points = spec->points};
     f->rows = f->points;
-    LG_TRY(check_function(f, spec->rate, &f->rate, error));
-    if (spec->map != NULL) LG_TRY(check_function(f, spec->map, &f->map, error));
+    LG_TRY(lg_certify_function(program, spec->rate, STATES, false, false, &f->rate, &f->n, error));
+    if (spec->map != NULL)
+        LG_TRY(lg_certify_function(program, spec->map, STATES, false, false, &f->map, &f->n, error));
     for (int degree = 2; degree <= spec->degree; degree++)
         if (!list_terms(f, (uint8_t[STATES]){0}, 0, degree))
             return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d monomials", TERMS);

@@ -4,35 +4,12 @@
 #include <stdbool.h>
 #include <string.h>
 
-/* ---- Stumpff functions ----
- *
- *     c_k^(d)(w) = (-1)^d sum_i (-w)^i ((i+d)!/i!) / (k + 2(i+d))!.
- *
- * w| <= 16: this series. Its terms cancel for w > 4, and near the zero of c_0. There c_0, c_1 and the
- * functions that the last recursion below gives from them are computed from cos and sin of x = sqrt(w), and
- * the rounding error of x is taken into account. This keeps the relative accuracy, also near zeros of the
- * functions.
- *
- * w| > 16: c_0, c_1 and c_2 = 2 sin(x/2)^2/w in closed form, then
- *
- *     c_{k+2} = (1/k! - c_k)/w,   c_0' = -c_1/2,   2w c_k^(d+1) = c_{k-1}^(d) - (k + 2d) c_k^(d).
- *
- * The last recursion follows from d/dx (x^k c_k) = x^(k-1) c_{k-1}. Functions whose series hardly cancels are
- * computed from the series here too, because these recursions would lose digits.
- */
-
-enum {
-    SHORT_TERMS = 10,
-    MIDDLE_TERMS = 14,
-    TERMS = 18,
-    MAX_K = LG_STUMPFF_MAX_K,
-    MAX_ORDER = LG_STUMPFF_MAX_ORDER
-};
+enum { TERMS = 18 };
 
 #include "kernels/code/inverse_factorial.c" /* inverse_factorial[n] = 1/n!, n <= 63 */
 
 /* (i + d)!/i! in row d, column i; exact */
-static const double falling[MAX_ORDER + 1][TERMS] = {
+static const double falling[LG_STUMPFF_MAX_ORDER + 1][TERMS] = {
     {1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1},
     {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18},
     {2, 6, 12, 20, 30, 42, 56, 72, 90, 110, 132, 156, 182, 210, 240, 272, 306, 342},
@@ -48,13 +25,16 @@ static const double falling[MAX_ORDER + 1][TERMS] = {
     {40320, 362880, 1814400, 6652800, 19958400, 51891840, 121080960, 259459200, 518918400, 980179200,
      1764322560, 3047466240, 5079110400, 8204716800, 12893126400, 19769460480, 29654190720, 43609104000}};
 
+/* The functions of code/stumpff_series.c, which has the formulas; here they are faster. The recursions follow
+ * from d/dx (x^k c_k) = x^(k-1) c_{k-1} and c_0' = -c_1/2. */
+
 /* Computes four values of k at a time, because their coefficients are neighbours in the table of 1/n!.
  * Separate chains for even and odd powers of w halve the latency. */
 typedef double pair __attribute__((vector_size(16), may_alias, aligned(8)));
 
-static void series_row(double w, int K, int order, double *c) {
+static void stumpff_series(double w, int K, int order, double *c) {
     const double size = fabs(w), sign = order % 2 == 0 ? 1.0 : -1.0, square = w * w;
-    const int terms = size <= 1.0 ? SHORT_TERMS : size <= 4.0 ? MIDDLE_TERMS : TERMS;
+    const int terms = size <= 1.0 ? 10 : size <= 4.0 ? 14 : TERMS;
     const double *factor = falling[order];
     for (int k = 0; k <= K; k += 4) {
         const double *table = inverse_factorial + k + 2 * order;
@@ -74,7 +54,7 @@ static void series_row(double w, int K, int order, double *c) {
 }
 
 /* c_k^(d)(w) from the series, for |w| (d+1) <= 2 (k+2d+1)(k+2d+2). */
-static double series_one(double w, int k, int d) {
+static double stumpff_one(double w, int k, int d) {
     double term = (d % 2 == 0 ? 1.0 : -1.0) * falling[d][0] * inverse_factorial[k + 2 * d], total = term;
     for (int i = 0; i < 100 && fabs(term) > 0x1p-60 * fabs(total); i++) {
         const double n = k + 2.0 * (i + d);
@@ -85,69 +65,35 @@ static double series_one(double w, int k, int d) {
 }
 
 /* Returns x = sqrt(|w|) and sets dx to its rounding error, so that x + dx is more exact. */
-static double root(double w, double *dx) {
+static double stumpff_root(double w, double *dx) {
     const double x = sqrt(fabs(w));
     *dx = fma(-x, x, fabs(w)) / (2.0 * x);
     return x;
 }
 
-/* sin(x + dx) and cos(x + dx). dx is not small if x is large. */
-static double sine_of(double x, double dx) {
-    return fabs(dx) > 1e-9 ? sin(x) * cos(dx) + cos(x) * sin(dx) : sin(x) + dx * cos(x);
-}
+/* ---- the same source text as in exported code ---- */
 
-static double cosine_of(double x, double dx) {
-    return fabs(dx) > 1e-9 ? cos(x) * cos(dx) - sin(x) * sin(dx) : cos(x) - dx * sin(x);
-}
+#define real double
+#include "kernels/code/dexpinv.c"
+#include "kernels/code/stumpff.c"
+#undef real
 
-/* c_0 and c_1 in closed form, |w| > 1 */
-static void closed_form(double w, double c[2]) {
-    double dx;
-    const double x = root(w, &dx);
-    c[0] = w > 0 ? cosine_of(x, dx) : cosh(x) + dx * sinh(x);
-    c[1] = (w > 0 ? sine_of(x, dx) : sinh(x) + dx * cosh(x)) / x;
-}
-
-/* c_2 = 2 sin(x/2)^2/w */
-static double closed_form_2(double w) {
-    double dx;
-    const double x = 0.5 * root(w, &dx);
-    const double half = w > 0 ? sine_of(x, 0.5 * dx) : sinh(x) + 0.5 * dx * cosh(x);
-    return 2.0 * half * half / fabs(w);
-}
-
-static bool cancels_little(double w, int k, int d) {
-    return fabs(w) * (d + 1) <= 2.0 * (k + 2 * d + 1) * (k + 2 * d + 2);
-}
-
-static void recursion(double w, int K, int order, double *out) {
-    const int top = K > 1 ? K : 1;
-    double c[MAX_ORDER + 1][MAX_K + 4];
-    closed_form(w, c[0]);
-    c[0][2] = closed_form_2(w);
-    for (int k = 3; k <= top; k++)
-        c[0][k] =
-            cancels_little(w, k - 2, 0) ? series_one(w, k, 0) : (inverse_factorial[k - 2] - c[0][k - 2]) / w;
-    for (int d = 1; d <= order; d++) {
-        c[d][0] = -0.5 * c[d - 1][1];
-        for (int k = 1; k <= top; k++)
-            c[d][k] = cancels_little(w, k, d)
-                          ? series_one(w, k, d)
-                          : (c[d - 1][k - 1] - (k + 2 * (d - 1)) * c[d - 1][k]) / (2.0 * w);
-    }
-    memcpy(out, c[order], ((size_t)K + 1) * sizeof *out);
-}
-
-/* Recomputes the values in which the series cancels, for 1 < w <= 16. 1 - c_0 does not cancel for w > 4. */
+/* Recomputes the values in which the series cancels, for 1 < w <= 16. This is faster than code/stumpff_row.c.
+ * 1 - c_0 does not cancel for w > 4. */
 static void mend_series(double w, int K, int order, double *c) {
-    double value[2];
-    closed_form(w, value);
-    const double slope = (value[0] - value[1]) / (2.0 * w); /* c_1' */
-    const double mended[3][3] = {{value[0], value[1], (1.0 - value[0]) / w},
-                                 {-0.5 * value[1], slope, 0.5 * (value[1] - 2.0 * (1.0 - value[0]) / w) / w},
-                                 {-0.5 * slope}};
+    double dx;
+    const double x = stumpff_root(w, &dx), c0 = stumpff_cosine(x, dx), c1 = stumpff_sine(x, dx) / x;
+    const double slope = (c0 - c1) / (2.0 * w); /* c_1' */
+    const double mended[3][3] = {
+        {c0, c1, (1.0 - c0) / w}, {-0.5 * c1, slope, 0.5 * (c1 - 2.0 * (1.0 - c0) / w) / w}, {-0.5 * slope}};
     const int most = w <= 4.0 || order == 2 ? 0 : K < 2 ? K : 2;
     memcpy(c, mended[order], ((size_t)most + 1) * sizeof *c);
+}
+
+static __attribute__((noinline)) void recursion(double w, int K, int order, double *out) {
+    double c[LG_STUMPFF_MAX_K + 1];
+    stumpff_beyond(w, K, order, c);
+    memcpy(out, c, ((size_t)K + 1) * sizeof *c);
 }
 
 void lg_stumpff(double w, int K, int order, double *c) {
@@ -155,7 +101,7 @@ void lg_stumpff(double w, int K, int order, double *c) {
         recursion(w, K, order, c);
         return;
     }
-    series_row(w, K, order, c);
+    stumpff_series(w, K, order, c);
     if ((w > 4.0 && order <= 2) || (w > 1.0 && order < 2 && fabs(c[0]) < 0.25)) mend_series(w, K, order, c);
 }
 
@@ -169,12 +115,6 @@ void lg_stumpff_slopes(double w, double out[5]) {
     out[3] = large ? (c[1] - 2.0 * c[2]) / w : 2.0 * c[4] - c[3];
     out[4] = large ? (c[2] - 3.0 * c[3]) / w : 3.0 * c[5] - c[4];
 }
-
-/* ---- dexpinv: the same source text as in exported code ---- */
-
-#define real double
-#include "kernels/code/dexpinv.c"
-#undef real
 
 double lg_dexpinv_coef(double w, int order) {
     return dexpinv_coef(w, order);

@@ -47,32 +47,29 @@ static void close_data(lg_training *self) {
 
 /* ---- parts ---- */
 
-static part indices_of(const uint8_t *parts, size_t n, lg_part wanted, uint32_t *list) {
-    part out = {list, 0};
+/* Splits all curves, or those of `of` if it is not NULL, and takes one part of them. */
+static lg_status draw_part(lg_training *self, const part *of, double train, double test, lg_part wanted,
+                           part *out, lg_error *error) {
+    const lg_surrogate_run *run = self->run;
+    const size_t n = of != NULL ? of->count : (size_t)run->curves;
+    uint8_t *parts;
+    LG_TRAINING_ARRAY(self, parts, n, error);
+    LG_TRAINING_ARRAY(self, out->list, n, error);
+    const lg_status status = lg_surrogate_split(n, train, test, run->training.seed, parts);
+    if (status != LG_OK)
+        return lg_fail(error, status,
+                       "fractions %g for training and %g for testing: they add up to more than 1, or leave "
+                       "none of %zu curves for training",
+                       train, test, n);
+    out->count = 0;
     for (size_t i = 0; i < n; i++)
-        if (parts[i] == (uint8_t)wanted) list[out.count++] = (uint32_t)i;
-    return out;
-}
-
-static lg_status split(const lg_surrogate_run *run, uint8_t *parts, lg_error *error) {
-    const lg_status status = lg_surrogate_split((size_t)run->curves, run->train_fraction, run->test_fraction,
-                                                run->training.seed, parts);
-    if (status == LG_OK) return LG_OK;
-    return lg_fail(error, status,
-                   "fractions %g for training and %g for testing: they add up to more than 1, or leave "
-                   "none of %zu curves for training",
-                   run->train_fraction, run->test_fraction, (size_t)run->curves);
+        if (parts[i] == (uint8_t)wanted) out->list[out->count++] = of != NULL ? of->list[i] : (uint32_t)i;
+    return LG_OK;
 }
 
 static lg_status take_part(lg_training *self, lg_part wanted, part *out, lg_error *error) {
     const lg_surrogate_run *run = self->run;
-    const size_t count = (size_t)run->curves;
-    uint8_t *parts;
-    LG_TRAINING_ARRAY(self, parts, count, error);
-    LG_TRAINING_ARRAY(self, out->list, count, error);
-    LG_TRY(split(run, parts, error));
-    *out = indices_of(parts, count, wanted, out->list);
-    return LG_OK;
+    return draw_part(self, NULL, run->train_fraction, run->test_fraction, wanted, out, error);
 }
 
 static lg_status prepare(lg_training *self, lg_error *error) {
@@ -84,20 +81,12 @@ static lg_status prepare(lg_training *self, lg_error *error) {
 /* Divides the training part: some curves are held out as s->test, the others stay in s->train. */
 static lg_status hold_out(lg_training *self, double validation, lg_error *error) {
     state *s = self->state;
-    const lg_surrogate_run *run = self->run;
     part whole = {NULL, 0};
-    uint8_t *parts;
     LG_TRY(take_part(self, LG_PART_TRAIN, &whole, error));
-    LG_TRAINING_ARRAY(self, parts, whole.count, error);
-    LG_TRAINING_ARRAY(self, s->train.list, whole.count, error);
-    LG_TRAINING_ARRAY(self, s->test.list, whole.count, error);
-    const lg_status status =
-        lg_surrogate_split(whole.count, 1 - validation, validation, run->training.seed, parts);
-    s->train = indices_of(parts, whole.count, LG_PART_TRAIN, s->train.list);
-    s->test = indices_of(parts, whole.count, LG_PART_TEST, s->test.list);
-    for (size_t i = 0; i < s->train.count; i++) s->train.list[i] = whole.list[s->train.list[i]];
-    for (size_t i = 0; i < s->test.count; i++) s->test.list[i] = whole.list[s->test.list[i]];
-    if (status == LG_OK && s->test.count > 0) return LG_OK; /* the split has curves for training */
+    lg_status status = draw_part(self, &whole, 1 - validation, validation, LG_PART_TRAIN, &s->train, error);
+    if (status == LG_OK)
+        status = draw_part(self, &whole, 1 - validation, validation, LG_PART_TEST, &s->test, error);
+    if (status == LG_OUT_OF_MEMORY || (status == LG_OK && s->test.count > 0)) return status;
     return lg_fail(
         error, LG_INVALID_ARGUMENT,
         "--validation-fraction %g: the training part or the validation part has none of the %zu curves",

@@ -260,20 +260,19 @@ void lg_search_label(const lg_search_file *search, uint64_t seed, const char *se
                    hash[1]);
 }
 
-/* The columns that every table has. */
-typedef enum column_type { COLUMN_WHOLE, COLUMN_REAL, COLUMN_STATE } column_type;
-static const struct {
-    const char *name;
-    column_type type;
-    size_t offset; /* in lg_trial */
-} columns[] = {
-    {"trial", COLUMN_WHOLE, offsetof(lg_trial, number)},
-    {"state", COLUMN_STATE, offsetof(lg_trial, state)},
-    {"objective", COLUMN_REAL, offsetof(lg_trial, objective)},
-    {"parameters", COLUMN_WHOLE, offsetof(lg_trial, parameters)},
-    {"epochs", COLUMN_WHOLE, offsetof(lg_trial, epochs)},
-    {"seconds", COLUMN_REAL, offsetof(lg_trial, seconds)},
-};
+static const char *state_name(uint32_t state) {
+    return lg_trial_state_name((lg_trial_state)state);
+}
+
+/* The columns that every table has. Real numbers may be nan or infinite. */
+#define COLUMN(name, type, ...) LG_FIELD(lg_trial, NULL, name, type, __VA_ARGS__)
+static const lg_field columns[] = {COLUMN("trial", U64, number, .high = 0x1p64),
+                                   COLUMN("state", NAME, state, LG_NAMED(state_name, LG_TRIAL_STATE_COUNT)),
+                                   COLUMN("objective", REAL, objective),
+                                   COLUMN("parameters", U64, parameters, .high = 0x1p64),
+                                   COLUMN("epochs", U64, epochs, .high = 0x1p64),
+                                   COLUMN("seconds", REAL, seconds)};
+#undef COLUMN
 
 /* Name of column i: one that every table has, a range, or a rung. A range with the name of a column that
  * every table has, such as epochs, is option-NAME. */
@@ -294,13 +293,10 @@ static const char *name_of(const lg_search_space *space, size_t i, char made[NAM
 
 static void add_trial(lg_columns *t, const lg_search_space *space, const lg_trial *trial, uint32_t reports) {
     for (size_t i = 0; i < LG_COUNT(columns); i++) {
-        const void *member = (const char *)trial + columns[i].offset;
-        if (columns[i].type == COLUMN_REAL)
-            lg_columns_number(t, *(const double *)member);
-        else if (columns[i].type == COLUMN_STATE)
-            lg_columns_text(t, lg_trial_state_name(trial->state));
-        else
-            lg_columns_whole(t, *(const uint64_t *)member);
+        char text[LG_RANGE_NAME];
+        lg_field_show(&columns[i], trial, text, sizeof text);
+        columns[i].type == LG_FIELD_REAL ? lg_columns_number(t, lg_field_number(&columns[i], trial))
+                                         : lg_columns_text(t, text);
     }
     for (size_t i = 0; i < space->count; i++)
         if (space->ranges[i].kind == LG_RANGE_CHOICE)
@@ -359,17 +355,10 @@ static bool parse_value(const lg_range *range, const char *cell, double *out) {
     return i < range->choices;
 }
 
-/* Reads a cell of one of the columns that every table has. */
-static bool parse_column(size_t column, const char *cell, lg_trial *trial) {
-    void *member = (char *)trial + columns[column].offset;
-    if (columns[column].type == COLUMN_WHOLE) return lg_integer_parse(cell, member) == LG_OK;
-    if (columns[column].type == COLUMN_REAL) return parse_number(cell, member);
-    LG_FIND_NAME(trial->state, LG_TRIAL_STATE_COUNT, lg_trial_state_name, cell);
-    return trial->state < LG_TRIAL_STATE_COUNT;
-}
-
 static bool parse_cell(const lg_search_space *space, size_t i, const char *cell, lg_trial *trial) {
-    if (i < LG_COUNT(columns)) return parse_column(i, cell, trial);
+    if (i < LG_COUNT(columns) && columns[i].type == LG_FIELD_REAL)
+        return parse_number(cell, (double *)((char *)trial + columns[i].offset));
+    if (i < LG_COUNT(columns)) return lg_field_set(&columns[i], cell, trial, NULL) == LG_OK;
     i -= LG_COUNT(columns);
     if (i < space->count) return parse_value(&space->ranges[i], cell, &trial->value[i]);
     if (*cell == '\0') return true; /* the trial did not reach this rung */
