@@ -6,33 +6,30 @@
 
 #include "liegrad/anomaly.h"
 #include "liegrad/classify.h"
-#include "liegrad/files.h"
-#include "liegrad/series.h"
+#include "liegrad/model.h"
 
+/* A file structure of lg_recipe_save. Of `run` only how the data were cut is used: split, test_fraction,
+ * training.seed, windows, window, hop, data_sha256, healthy. */
 typedef struct classifier_file {
+    LG_DETECTOR_HEAD
+    lg_scaler scaler; /* it and test_mse: zero; a structure begins as lg_detector_file */
+    double test_mse;
     lg_classifier classifier; /* zero for the method "novelty" */
-    lg_novelty novelty;       /* channels is 0 if there is no novelty model */
-    /* Names of classes and channels, and the rate; no windows. channels is 0 if they have no names. */
-    lg_series names;
-    const char *method; /* by classifier_method_name; not "cnn" */
-    /* How the data were cut: split, test_fraction, training.seed, windows, window, hop, data_sha256,
-     * healthy. */
-    lg_detector_run run;
-    double accuracy, f1; /* on the test part; NaN: not stored */
-    lg_provenance provenance;
+    const char *method;       /* by classifier_method_name; not stored, since the classifier determines it */
 } classifier_file;
+
+extern const lg_recipe classifier_recipe;
 
 /* Methods by number: "cnn", "logistic", "tree", "svm-linear", "svm-rbf", "baseline", "rocket", "novelty",
  * then NULL. */
 const char *classifier_method_name(uint32_t method);
-/* All pointers in `file` stay the caller's. An accuracy or f1 that is NaN is not written. */
-lg_status classifier_file_save(const lg_context *context, const char *path, const classifier_file *file,
-                               lg_error *error);
-bool classifier_file_is_novelty(const classifier_file *file);
-/* Checks that the window length fits the classifier and that there are as many class names as classes (two
- * for the method "novelty"). On failure *out is zeroed. */
-lg_status classifier_file_load(const lg_context *context, const char *path, classifier_file *out,
-                               lg_error *error);
-void classifier_file_free(classifier_file *file); /* a zeroed structure is allowed */
+static inline bool classifier_file_is_novelty(const classifier_file *file) {
+    return file->classifier.classes == 0;
+}
+/* lg_recipe_load checks that the length of a window and the number of class names (two for the method
+ * "novelty") fit the classifier. */
+#define classifier_file_load(context, path, out, error)                                                      \
+    lg_recipe_load(context, path, NULL, &classifier_recipe, out, error)
+#define classifier_file_free(file) lg_recipe_release(&classifier_recipe, file)
 
 #endif

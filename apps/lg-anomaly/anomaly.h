@@ -56,14 +56,14 @@ typedef enum well_sort {
 /* A model that is ready to judge windows. */
 typedef struct well_model {
     well_sort sort;
-    /* A model of another sort than WELL_NETWORK. Of a network it has the names, the run, the method "cnn" and
-     * the novelty model, which `detector` owns. */
-    classifier_file file;
-    uint32_t window;           /* samples per window */
-    uint32_t healthy;          /* class that means "all is well", or LG_NO_CLASS */
-    bool probabilities;        /* true: scores are probabilities; false: decision values or distances */
-    lg_detector_file detector; /* set for WELL_NETWORK only */
-    lg_detector_plan *plan;    /* evaluates the detector, in the number type of its training */
+    union {
+        classifier_file file;     /* of a network it has the members of LG_DETECTOR_HEAD */
+        lg_detector_file network; /* of WELL_NETWORK */
+    };
+    const char *method;     /* by classifier_method_name */
+    uint32_t window;        /* samples per window */
+    uint32_t healthy;       /* class that means "all is well", or LG_NO_CLASS */
+    lg_detector_plan *plan; /* evaluates the network, in the number type of its training */
 } well_model;
 
 /* The healthy class is unknown until well_model_settle. */
@@ -74,13 +74,10 @@ void well_model_settle(const app *app, well_model *model, const char *given, con
  * */
 void well_model_need_healthy(const app *app, const well_model *model, const char *what);
 void well_model_destroy(well_model *model); /* a zeroed model is allowed */
-/* Number of bytes of work memory that well_model_score needs. */
-size_t well_model_work(const well_model *model);
-/* Scores one window: x (channels, window), as recorded -> score (classes). The class is
- * lg_metrics_class(score). `plane` as in lg_detector_eval; NULL unless the model is a network. A
- * WELL_NOVELTY model gives the scores 1 and the distance of lg_novelty_eval. `work` is aligned to 64
- * bytes. Allocates nothing. */
-lg_status well_model_score(const well_model *model, const float *x, double *score, double *plane, void *work);
+/* Scores one window by a well_model, as lg_scorer.score; the class is lg_metrics_class(score). A WELL_NOVELTY
+ * model gives the scores 1 and the distance of lg_novelty_eval. Allocates nothing. */
+lg_status well_model_score(const void *model, const float *x, double *score, double *plane, void *work);
+lg_scorer well_model_scorer(const well_model *model);
 /* A single score for "not healthy"; the healthy class must be known. Two classes: the score of the other
  * class. More classes: 1 minus the probability of the healthy class, or without probabilities the best other
  * score minus the score of the healthy class. */
@@ -99,8 +96,6 @@ void merge_classes(lg_series *series, const char *healthy);
  * of them are for. */
 uint32_t cast_vote(uint64_t *votes, uint32_t n, bool is_for);
 
-lg_status judge_windows(const app *app, const well_model *model, const lg_cut_series *from,
-                        const lg_window_list *part, lg_judgement *out, lg_error *error);
 /* Adds the results of lg_detector_tell. */
 void put_metrics(app_json *out, const lg_judgement *judged, const well_model *model);
 

@@ -206,7 +206,7 @@ static void add_evaluation(app_json *out, const evaluation *e) {
             LG_AS_WHOLE("unlike", e->unlike));
     add_votes(out, e);
     add_groups(out, e);
-    app_result_text(out, "method", e->model->file.method, NULL);
+    app_result_text(out, "method", e->model->method, NULL);
     app_json_open(out, "classes", '[');
     for (uint32_t c = 0; c < e->names->classes; c++) app_json_text(out, NULL, e->names->class_name[c]);
     app_json_close(out, ']');
@@ -323,7 +323,8 @@ static void evaluate(evaluation *e) {
     choose_part(e);
     well_model_settle(self, e->model, values.healthy, e->from.data.healthy);
     if (values.votes.count > 0) check_votes(e);
-    lg_status status = judge_windows(self, e->model, &e->from, &e->part, &e->judged, &why);
+    const lg_scorer by = well_model_scorer(e->model);
+    lg_status status = lg_judge(self->context, &by, &e->from, &e->part, self->threads, &e->judged, &why);
     if (status == LG_OK) status = lg_judgement_check(&e->judged, &why);
     if (status != LG_OK && status != LG_CANCELLED) app_stop(self, status, "%s: %s", e->path, why.message);
     app_must(self, status, &why);

@@ -6,50 +6,34 @@
 #include "lg-anomaly/anomaly.h"
 #include "common/train.h"
 
-/* ---- networks ---- */
-
-static void load_detector(const app *self, const char *path, well_model *out) {
-    lg_detector_file file;
-    const lg_detector_run *run = &file.run;
-    APP_MUST_FILE(self, path, lg_recipe_load(self->context, path, NULL, &lg_recipe_detector, &file, &error));
-    *out = (well_model){.sort = WELL_NETWORK,
-                        .healthy = LG_NO_CLASS,
-                        .window = run->model.net.length,
-                        .file = {.names = file.names, .run = *run, .method = "cnn", .novelty = file.novelty},
-                        .probabilities = true,
-                        .detector = file};
-    APP_MUST_FILE(self, path,
-                  lg_detector_plan_create(self->context, &run->model, &file.scaler, file.theta,
-                                          run->training.dtype, &out->plan, &error));
-}
-
-/* ---- classical classifiers ---- */
-
-static void load_classifier(const app *self, const char *path, well_model *out) {
-    *out = (well_model){.healthy = LG_NO_CLASS};
-    classifier_file *file = &out->file;
-    APP_MUST_FILE(self, path, classifier_file_load(self->context, path, file, &error));
-    const bool alone = classifier_file_is_novelty(file);
-    out->sort = alone ? WELL_NOVELTY : WELL_CLASSICAL;
-    out->window = (uint32_t)file->run.window;
-    out->probabilities = !alone && file->classifier.method <= LG_METHOD_TREE;
-    file->names.channels = alone ? file->novelty.channels : file->classifier.features.channels;
-}
-
-/* ---- all models ---- */
+/* ---- reading ---- */
 
 void well_model_load(const app *self, const char *path, well_model *out) {
     char kind[64];
+    *out = (well_model){.healthy = LG_NO_CLASS};
+    lg_detector_file *network = &out->network;
+    classifier_file *file = &out->file;
     APP_MUST_FILE(self, path, lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, &error));
-    if (strcmp(kind, "detector") == 0)
-        load_detector(self, path, out);
-    else if (strcmp(kind, "classifier") == 0)
-        load_classifier(self, path, out);
-    else
+    if (strcmp(kind, "detector") == 0) {
+        APP_MUST_FILE(self, path,
+                      lg_recipe_load(self->context, path, NULL, &lg_recipe_detector, network, &error));
+        out->method = "cnn";
+        out->window = network->run.model.net.length;
+        APP_MUST_FILE(self, path,
+                      lg_detector_plan_create(self->context, &network->run.model, &network->scaler,
+                                              network->theta, network->run.training.dtype, &out->plan,
+                                              &error));
+    } else if (strcmp(kind, "classifier") == 0) {
+        APP_MUST_FILE(self, path, classifier_file_load(self->context, path, file, &error));
+        out->sort = classifier_file_is_novelty(file) ? WELL_NOVELTY : WELL_CLASSICAL;
+        out->method = file->method;
+        out->window = (uint32_t)file->run.window;
+    } else {
         app_stop(
             self, LG_FORMAT,
             "%s: attribute kind is '%s', expected 'detector' or 'classifier', which lg-anomaly train writes",
             path, kind);
+    }
 }
 
 /* A novelty model has learned its first class as healthy; its other class cannot be. */
@@ -78,20 +62,11 @@ void well_model_need_healthy(const app *self, const well_model *model, const cha
 
 void well_model_destroy(well_model *model) {
     lg_detector_plan_destroy(model->plan);
-    if (model->sort == WELL_NETWORK)
-        lg_recipe_release(&lg_recipe_detector, &model->detector);
-    else
-        classifier_file_free(&model->file);
+    lg_recipe_release(model->sort == WELL_NETWORK ? &lg_recipe_detector : &classifier_recipe, &model->file);
 }
 
-size_t well_model_work(const well_model *model) {
-    if (model->sort == WELL_NETWORK) return lg_detector_work_size(model->plan);
-    return model->sort == WELL_NOVELTY ? lg_novelty_work_size(&model->file.novelty)
-                                       : lg_classifier_work_size(&model->file.classifier);
-}
-
-lg_status well_model_score(const well_model *model, const float *x, double *score, double *plane,
-                           void *work) {
+lg_status well_model_score(const void *user, const float *x, double *score, double *plane, void *work) {
+    const well_model *model = user;
     lg_novelty_result result;
     switch (model->sort) {
     case WELL_NETWORK:
@@ -108,9 +83,14 @@ lg_status well_model_score(const well_model *model, const float *x, double *scor
     return LG_OK;
 }
 
+static bool gives_probabilities(const well_model *model) {
+    return model->sort == WELL_NETWORK ||
+           (model->sort == WELL_CLASSICAL && model->file.classifier.method <= LG_METHOD_TREE);
+}
+
 double well_model_alarm(const well_model *model, const double *score) {
     if (model->file.names.classes == 2) return score[1 - model->healthy];
-    if (model->probabilities) return 1 - score[model->healthy];
+    if (gives_probabilities(model)) return 1 - score[model->healthy];
     double best = -INFINITY;
     for (uint32_t c = 0; c < model->file.names.classes; c++)
         if (c != model->healthy) best = fmax(best, score[c]);
@@ -143,27 +123,17 @@ uint32_t cast_vote(uint64_t *votes, uint32_t n, bool is_for) {
     return (uint32_t)__builtin_popcountll(*votes);
 }
 
-typedef struct scoring {
-    const well_model *model;
-    const lg_judgement *out;
-} scoring;
-
-static lg_status score(void *user, size_t i, const float *x, void *work) {
-    const scoring *self = user;
-    const lg_judgement *out = self->out;
-    double *plane = out->plane != NULL ? out->plane + 2 * i : NULL;
-    return well_model_score(self->model, x, out->score + i * out->classes, plane, work);
-}
-
-lg_status judge_windows(const app *self, const well_model *model, const lg_cut_series *from,
-                        const lg_window_list *part, lg_judgement *out, lg_error *error) {
-    const bool plane = model->sort == WELL_NETWORK && model->detector.run.model.net.plane == 2;
-    scoring user = {model, out};
-    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part,
-                              model->file.names.classes, model->healthy, plane, out, error));
-    const lg_status status = lg_windows_each(self->context, &from->data.series, &from->windows, part,
-                                             self->threads, well_model_work(model), score, &user);
-    return lg_judgement_end(out, model->probabilities, status, error);
+lg_scorer well_model_scorer(const well_model *model) {
+    return (lg_scorer){.score = well_model_score,
+                       .model = model,
+                       .work = model->sort == WELL_NETWORK ? lg_detector_work_size(model->plan)
+                               : model->sort == WELL_NOVELTY
+                                   ? lg_novelty_work_size(&model->file.novelty)
+                                   : lg_classifier_work_size(&model->file.classifier),
+                       .classes = model->file.names.classes,
+                       .healthy = model->healthy,
+                       .plane = model->sort == WELL_NETWORK && model->network.run.model.net.plane == 2,
+                       .probabilities = gives_probabilities(model)};
 }
 
 /* ---- printing ---- */

@@ -47,8 +47,8 @@ static void put_class_names(app_plot *plot, const viewing *v) {
 /* The line w.x + b = 0 on which a network with two numbers before its output finds both classes equally
  * likely: its two logits are equal, or its only logit is 0. False: there is no such line. */
 static bool output_line(const well_model *model, double w[2], double *b) {
-    const lg_cnn *net = &model->detector.run.model.net;
-    const double *theta = model->detector.theta, *weight = NULL, *bias = NULL;
+    const lg_cnn *net = &model->network.run.model.net;
+    const double *theta = model->network.theta, *weight = NULL, *bias = NULL;
     lg_slice_info slice;
     for (uint32_t i = 0; lg_cnn_slice(net, i, &slice); i++) {
         if (strcmp(slice.name, "output/weight") == 0) weight = theta + slice.offset;
@@ -245,7 +245,7 @@ unsigned plots_of(const well_model *model, bool training) {
                                                              lg_pca_outputs(&by->pca) == 3;
     if (model->sort == WELL_NOVELTY) return NOVELTY;
     if (model->sort == WELL_NETWORK)
-        return NETWORK | (training ? LOSS : 0) | (model->detector.run.model.net.plane == 2 ? PLANE : 0);
+        return NETWORK | (training ? LOSS : 0) | (model->network.run.model.net.plane == 2 ? PLANE : 0);
     return FEATURES | (by->pca.variances > 0 ? VARIANCES : 0) | (tree ? TREE : 0) | (margin ? MARGIN : 0) |
            (by->features.kind == LG_FEATURES_BASELINE ? BASELINE : 0) | (tree && training ? PRUNING : 0);
 }

@@ -13,7 +13,8 @@ well_model trained_model(well_sort sort, const char *method) {
     return (well_model){.sort = sort,
                         .window = (uint32_t)train_run.window,
                         .healthy = train_state.healthy,
-                        .file = {.method = method, .names = train_state.all.data.series, .run = train_run}};
+                        .method = method,
+                        .file = {.names = train_state.all.data.series, .run = train_run}};
 }
 
 /* ---- the classical methods ---- */

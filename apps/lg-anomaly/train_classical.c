@@ -229,20 +229,22 @@ static lg_status judge_rows(const app *self, const well_model *model, const lg_c
                             lg_error *error) {
     const lg_classifier *classifier = &model->file.classifier;
     APP_FREE void *work = app_alloc(lg_classifier_work_size(classifier), 1);
-    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part,
-                              model->file.names.classes, model->healthy, false, out, error));
+    const lg_scorer by = well_model_scorer(model);
+    LG_TRY(lg_judgement_begin(self->context, &by, from, part, out, error));
     for (size_t i = 0; i < out->count; i++)
         lg_classifier_score(classifier, table + (size_t)part->list[i] * classifier->features.count,
                             out->score + i * out->classes, work);
-    return lg_judgement_end(out, model->probabilities, LG_OK, error);
+    return lg_judgement_end(out, LG_OK, error);
 }
 
 static void judge_part(const classical *self, const lg_cut_series *from, const lg_window_list *part,
                        const double *table, lg_judgement *out) {
+    const lg_scorer by = well_model_scorer(&self->model);
+    const app *program = self->app;
     if (table != NULL)
-        APP_MUST(self->app, judge_rows(self->app, &self->model, from, part, table, out, &error));
+        APP_MUST(program, judge_rows(program, &self->model, from, part, table, out, &error));
     else
-        APP_MUST(self->app, judge_windows(self->app, &self->model, from, part, out, &error));
+        APP_MUST(program, lg_judge(program->context, &by, from, part, program->threads, out, &error));
 }
 
 /* ---- accuracy of pruned trees against alpha ---- */
@@ -347,7 +349,7 @@ static void report(const classical *self) {
     lg_training *training = &network_recipe.training;
     app_json *out = program->out;
     put_metrics(out, &state->judged, model);
-    lg_detector_tell_training(training, model->file.method, model->file.names.classes,
+    lg_detector_tell_training(training, model->method, model->file.names.classes,
                               model->file.names.class_name);
     train_put_results(out, training, 0, training->result_count);
     app_result_text(out, "healthy", train_run.healthy[0] != '\0' ? train_run.healthy : NULL, NULL);
@@ -395,7 +397,6 @@ lg_status train_trial(const app *program, lg_trial *trial, lg_error *error) {
 static void train_classifier(classical *self) {
     lg_classifier *model = &self->model.file.classifier;
     model->method = method_of(train_given.method);
-    self->model.probabilities = model->method <= LG_METHOD_TREE;
     compute_features(self);
     choose(self);
     const double begin = app_seconds();
@@ -442,8 +443,9 @@ void train_classical(const app *program) {
     file->accuracy = state->judged.metrics.accuracy;
     file->f1 = state->judged.metrics.f1;
     file->provenance = app_provenance(program, train_run.training.seed);
-    APP_MUST_FILE(program, train_given_files.out,
-                  classifier_file_save(program->context, train_given_files.out, file, &error));
+    APP_MUST_FILE(
+        program, train_given_files.out,
+        lg_recipe_save(program->context, train_given_files.out, &classifier_recipe, file, NULL, &error));
     app_plot_draw(program, plots_of(&self.model, true),
                   &(viewing){&self.model, lg_detector_tested(state),
                              state->tested.count > 0 ? &state->judged : &state->train_judged,

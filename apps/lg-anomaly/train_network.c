@@ -7,7 +7,7 @@
  * one. */
 static well_model model_of(double *theta) {
     well_model out = trained_model(WELL_NETWORK, "cnn");
-    out.detector = (lg_detector_file){.run = train_run, .theta = theta};
+    out.network.theta = theta;
     return out;
 }
 

@@ -503,7 +503,7 @@ static void watch_with(const app *self, const well_model *model, int file) {
     const size_t bytes = lg_monitor_size(&options);
     APP_FREE void *memory = app_alloc(bytes, 1);
     w.bench.score = app_keep(w.bench.names->classes, sizeof *w.bench.score);
-    w.bench.work = app_keep(well_model_work(model), 1);
+    w.bench.work = app_keep(well_model_scorer(model).work, 1);
     open_novelty(&w);
     APP_MUST(self, lg_monitor_init(&options, judge, &w.bench, &w.watch, memory, bytes, &error));
     watch_feed(&w, file, bytes);

@@ -472,12 +472,20 @@ typedef struct lg_detector_run {
  * the classical classifiers use too. */
 LG_API extern const lg_field lg_detector_fields[];
 
+/* Members that the structures of files of detectors begin with:
+ *   names         names of classes and channels, and the rate; no windows
+ *   novelty       fitted to the training windows; zero without such a fit
+ *   accuracy, f1  on the test part; NaN if unknown */
+#define LG_DETECTOR_HEAD                                                                                     \
+    LG_MODEL_FILE(lg_detector_run);                                                                          \
+    lg_series names;                                                                                         \
+    lg_novelty novelty;                                                                                      \
+    double accuracy, f1;
+
 typedef struct lg_detector_file {
-    LG_MODEL_FILE(lg_detector_run);
+    LG_DETECTOR_HEAD
     lg_scaler scaler;
-    lg_series names;               /* names of classes and channels, and the rate; no windows */
-    lg_novelty novelty;            /* fitted to the training windows; zero without such a fit */
-    double accuracy, f1, test_mse; /* on the test part; NaN if unknown */
+    double test_mse; /* on the test part; NaN if unknown */
 } lg_detector_file;
 
 LG_END_DECLS

@@ -65,31 +65,31 @@ static lg_status allocate(lg_judgement *out, bool plane) {
     return LG_OK;
 }
 
-lg_status lg_judgement_begin(const lg_context *context, const lg_series *series, const lg_windows *windows,
-                             const lg_window_list *part, uint32_t classes, uint32_t healthy, bool plane,
-                             lg_judgement *out, lg_error *error) {
+lg_status lg_judgement_begin(const lg_context *context, const lg_scorer *by, const lg_cut_series *from,
+                             const lg_window_list *part, lg_judgement *out, lg_error *error) {
     *out = (lg_judgement){.count = part->count,
-                          .classes = classes,
-                          .healthy = healthy,
+                          .classes = by->classes,
+                          .healthy = by->healthy,
                           .metrics = {NAN, NAN, NAN, NAN, NAN},
                           .auc = NAN,
                           .mse = NAN,
+                          .by = by,
                           .context = context};
-    if (allocate(out, plane) != LG_OK) return lg_no_memory(error);
+    if (allocate(out, by->plane) != LG_OK) return lg_no_memory(error);
     for (size_t i = 0; i < out->count; i++) {
         out->window[i] = part->list[i];
-        out->truth[i] = series->label[windows->first[part->list[i]]];
+        out->truth[i] = from->data.series.label[from->windows.first[part->list[i]]];
     }
     out->seconds = -lg_seconds();
     return LG_OK;
 }
 
-static lg_status conclude(lg_judgement *out, bool probabilities) {
+static lg_status conclude(lg_judgement *out) {
     for (size_t i = 0; i < out->count; i++)
         out->given[i] = lg_metrics_class(out->score + i * out->classes, out->classes);
     lg_metrics_confusion(out->truth, out->given, out->count, out->classes, out->confusion);
     out->metrics = lg_metrics_of(out->confusion, out->classes, out->healthy);
-    if (out->classes == 2 && probabilities) {
+    if (out->classes == 2 && out->by->probabilities) {
         double sum = 0;
         for (size_t i = 0; i < out->count; i++) {
             const double d = out->score[2 * i + 1] - (double)out->truth[i];
@@ -100,12 +100,27 @@ static lg_status conclude(lg_judgement *out, bool probabilities) {
     return lg_metrics_auc(out->context, out->truth, out->score, out->count, out->classes, &out->auc);
 }
 
-lg_status lg_judgement_end(lg_judgement *judged, bool probabilities, lg_status status, lg_error *error) {
+lg_status lg_judgement_end(lg_judgement *judged, lg_status status, lg_error *error) {
     judged->seconds += lg_seconds();
-    if (status == LG_OK && judged->count > 0) status = conclude(judged, probabilities);
+    if (status == LG_OK && judged->count > 0) status = conclude(judged);
+    judged->by = NULL;
     if (status == LG_OK) return LG_OK;
     lg_judgement_destroy(judged);
     return lg_fail(error, status, "%s", lg_status_sentence(status));
+}
+
+static lg_status judge_window(void *user, size_t i, const float *x, void *work) {
+    const lg_judgement *out = user;
+    double *plane = out->plane != NULL ? out->plane + 2 * i : NULL;
+    return out->by->score(out->by->model, x, out->score + i * out->classes, plane, work);
+}
+
+lg_status lg_judge(const lg_context *context, const lg_scorer *by, const lg_cut_series *from,
+                   const lg_window_list *part, uint64_t threads, lg_judgement *out, lg_error *error) {
+    LG_TRY(lg_judgement_begin(context, by, from, part, out, error));
+    const lg_status status = lg_windows_each(context, &from->data.series, &from->windows, part, threads,
+                                             by->work, judge_window, out);
+    return lg_judgement_end(out, status, error);
 }
 
 void lg_judgement_destroy(lg_judgement *judged) {

@@ -12,6 +12,12 @@
              .otherwise = LG_CHOSEN                                                                          \
              ": the model's, attribute healthy of the data, or the only class whose name says so")
 
+/* A data file and the windows cut out of it. */
+typedef struct lg_cut_series {
+    lg_series_data data;
+    lg_windows windows;
+} lg_cut_series;
+
 /* Indices of windows in rising order; list NULL: 0, 1, ... */
 typedef struct lg_window_list {
     uint32_t *list;
@@ -25,6 +31,17 @@ typedef struct lg_window_list {
 lg_status lg_windows_each(const lg_context *context, const lg_series *series, const lg_windows *windows,
                           const lg_window_list *part, uint64_t threads, size_t work,
                           lg_status (*each)(void *user, size_t i, const float *x, void *work), void *user);
+
+/* How a model scores windows. The scores are probabilities, or else decision values or distances. */
+typedef struct lg_scorer {
+    /* Scores a window x (channels, length), as recorded -> score (classes), plane (2). */
+    lg_status (*score)(const void *model, const float *x, double *score, double *plane, void *work);
+    const void *model;
+    size_t work; /* bytes of work memory of `score`, aligned to 64 bytes */
+    uint32_t classes, healthy;
+    bool plane; /* whether `score` gives numbers of a plane; else its `plane` is NULL */
+    bool probabilities;
+} lg_scorer;
 
 typedef struct lg_judgement {
     size_t count;
@@ -40,19 +57,22 @@ typedef struct lg_judgement {
     /* Mean of (p - label)^2, where p is the probability of class 1. NaN unless there are two classes and the
      * scores are probabilities. */
     double mse;
-    double seconds; /* time that the scoring took */
+    double seconds;      /* time that the scoring took */
+    const lg_scorer *by; /* the model, until lg_judgement_end */
     const lg_context *context;
 } lg_judgement;
 
-/* Allocates the arrays of *out for the windows of `part`, fills in `window` and `truth`, and starts the
- * clock. The metrics are NaN until lg_judgement_end sets them; they stay NaN if there are no windows. */
-lg_status lg_judgement_begin(const lg_context *context, const lg_series *series, const lg_windows *windows,
-                             const lg_window_list *part, uint32_t classes, uint32_t healthy, bool plane,
-                             lg_judgement *out, lg_error *error);
-/* Stops the clock and computes the metrics from the scores, which the caller has filled in. `probabilities`
- * tells whether the scores are probabilities; otherwise they are decision values or distances. If `status` is
- * a failure, or computing fails, *judged is destroyed and the failure is returned. */
-lg_status lg_judgement_end(lg_judgement *judged, bool probabilities, lg_status status, lg_error *error);
+/* Scores windows of `part`, in threads. A failure leaves *out without memory. */
+lg_status lg_judge(const lg_context *context, const lg_scorer *by, const lg_cut_series *from,
+                   const lg_window_list *part, uint64_t threads, lg_judgement *out, lg_error *error);
+/* The parts of lg_judge, for a caller that fills in the scores itself. lg_judgement_begin allocates the arrays
+ * of *out for the windows of `part`, fills in `window` and `truth`, and starts the clock. The metrics are NaN
+ * until lg_judgement_end sets them; they stay NaN if there are no windows. */
+lg_status lg_judgement_begin(const lg_context *context, const lg_scorer *by, const lg_cut_series *from,
+                             const lg_window_list *part, lg_judgement *out, lg_error *error);
+/* Stops the clock and computes the metrics from the scores. If `status` is a failure, or computing fails,
+ * *judged is destroyed and the failure is returned. */
+lg_status lg_judgement_end(lg_judgement *judged, lg_status status, lg_error *error);
 void lg_judgement_destroy(lg_judgement *judged);
 /* Checks that all scores are finite. LG_NOT_FINITE means that the numbers of a window overflow in the model,
  * so that it has no class. */

@@ -37,43 +37,32 @@ static size_t block_size(const lg_novelty *v) {
     return (size_t)v->channels * of_channel(v) * of_channel(v) + (size_t)v->pairs * v->pairs;
 }
 
-static lg_status allocate_arrays(lg_novelty *v) {
-    const size_t channels = v->channels, classes = v->classes, d = v->features;
-    const struct {
-        double **array;
-        size_t count;
-    } arrays[] = {{&v->mean, channels},
-                  {&v->scale, channels},
-                  {&v->still, channels},
-                  {&v->extreme, channels},
-                  {&v->windows, classes},
-                  {&v->centre, classes * d},
-                  {&v->spread, d},
-                  {&v->precision, classes * d * d},
-                  {&v->limit, 1 + channels + 1},
-                  {&v->block, classes * block_size(v)}};
-    for (size_t i = 0; i < LG_COUNT(arrays); i++) {
-        *arrays[i].array = lg_alloc(v->context, arrays[i].count, sizeof(double));
-        if (*arrays[i].array == NULL) return LG_OUT_OF_MEMORY;
+void lg_novelty_list(lg_novelty *v, lg_stored rows[NOVELTY_ARRAYS]) {
+    v->pairs = v->channels <= LG_NOVELTY_PAIRED ? v->channels * (v->channels - 1) / 2 : 0;
+    v->features = v->channels * of_channel(v) + v->pairs;
+    const uint64_t m = v->channels, k = v->classes, d = v->features;
+#define ROW(member, positive_, rank, ...)                                                                    \
+    {                                                                                                        \
+        "novelty/" #member, LG_ELEMENT_F64, rank, {__VA_ARGS__}, &v->member, .pointed = true,                \
+                                                                             .positive = positive_           \
     }
-    return LG_OK;
+    const lg_stored list[NOVELTY_ARRAYS] = {ROW(mean, false, 1, m),
+                                            ROW(scale, true, 1, m),
+                                            ROW(still, true, 1, m),
+                                            ROW(extreme, true, 1, m),
+                                            ROW(windows, false, 1, k),
+                                            ROW(centre, false, 2, k, d),
+                                            ROW(spread, true, 1, d),
+                                            ROW(precision, false, 3, k, d, d),
+                                            ROW(limit, true, 1, lg_novelty_groups(v))};
+    memcpy(rows, list, sizeof list);
 }
 
-lg_novelty lg_novelty_sized(uint32_t channels, uint32_t length, uint32_t classes, uint32_t bands) {
-    lg_novelty v = {.channels = channels, .length = length, .classes = classes, .bands = bands};
-    v.pairs = channels <= LG_NOVELTY_PAIRED ? channels * (channels - 1) / 2 : 0;
-    v.features = channels * of_channel(&v) + v.pairs;
-    return v;
-}
-
-lg_status lg_novelty_allocate(const lg_context *context, uint32_t channels, uint32_t length, uint32_t classes,
-                              uint32_t bands, lg_novelty *out, lg_error *error) {
-    LG_CLEAN(lg_novelty_destroy) lg_novelty v = lg_novelty_sized(channels, length, classes, bands);
-    v.context = context;
-    if (allocate_arrays(&v) != LG_OK)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the distribution of %u features", v.features);
-    if (bands > 0) LG_TRY(lg_spectrum_create(context, length, bands, &v.spectrum, error));
-    return LG_GIVE(out, v);
+lg_status lg_novelty_prepare(lg_novelty *v, lg_error *error) {
+    v->block = lg_alloc(v->context, v->classes * block_size(v), sizeof *v->block);
+    if (v->block == NULL)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the distribution of %u features", v->features);
+    return v->bands > 0 ? lg_spectrum_create(v->context, v->length, v->bands, &v->spectrum, error) : LG_OK;
 }
 
 void lg_novelty_destroy(lg_novelty *v) {

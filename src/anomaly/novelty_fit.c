@@ -287,11 +287,17 @@ lg_status lg_novelty_fit(const lg_context *context, const lg_novelty_options *op
     LG_NEEDS(error, options, series, windows, out);
     (void)lg_fail(error, LG_OK, "%s", "");
     LG_TRY(check(options, series, windows, count, threads, error));
-    LG_CLEAN(lg_novelty_destroy) lg_novelty made = {.channels = 0};
     LG_CLEAN(lg_scaler_destroy) lg_scaler scaler = {.channels = 0};
-    const uint32_t bands = bands_of(options->bands, series->channels, windows->length);
-    LG_TRY(lg_novelty_allocate(context, series->channels, windows->length, series->classes, bands, &made,
-                               error));
+    LG_CLEAN(lg_novelty_destroy)
+    lg_novelty made = {.context = context,
+                       .channels = series->channels,
+                       .length = windows->length,
+                       .classes = series->classes,
+                       .bands = bands_of(options->bands, series->channels, windows->length)};
+    lg_stored arrays[NOVELTY_ARRAYS];
+    lg_novelty_list(&made, arrays);
+    for (size_t i = 0; i < NOVELTY_ARRAYS; i++) LG_TRY(lg_stored_allocate(context, &arrays[i], error));
+    LG_TRY(lg_novelty_prepare(&made, error));
     LG_CLEAN(release)
     fitting f = {.context = context, .options = options, .series = series, .windows = windows, .v = &made};
     f.rows = count < options->most ? count : options->most;

@@ -3,6 +3,7 @@
 #define LG_NOVELTY_INTERNAL_H
 
 #include "core/clean.h"
+#include "core/stored.h"
 #include "liegrad/anomaly.h"
 
 /* Order of the features of a channel. The features of channel c begin at index c (NOVELTY_BAND + bands). The
@@ -19,12 +20,12 @@ typedef struct novelty_group {
 uint32_t lg_novelty_groups(const lg_novelty *novelty);
 novelty_group lg_novelty_group(const lg_novelty *novelty, uint32_t group);
 
-/* Returns an lg_novelty with these sizes and the numbers of pairs and features that follow from them. Its
- * arrays are NULL. */
-lg_novelty lg_novelty_sized(uint32_t channels, uint32_t length, uint32_t classes, uint32_t bands);
-/* Like lg_novelty_sized, and also allocates the arrays (zeroed) and creates the spectrum. */
-lg_status lg_novelty_allocate(const lg_context *context, uint32_t channels, uint32_t length, uint32_t classes,
-                              uint32_t bands, lg_novelty *out, lg_error *error);
+/* Sets the numbers of pairs and features, and lists the arrays that are learned, with their shapes. The other
+ * sizes must be set. */
+enum { NOVELTY_ARRAYS = 9 };
+void lg_novelty_list(lg_novelty *novelty, lg_stored rows[NOVELTY_ARRAYS]);
+/* Allocates `block` and creates the spectrum. */
+lg_status lg_novelty_prepare(lg_novelty *novelty, lg_error *error);
 /* Computes `block` from `precision`. Error LG_FORMAT: a block of `precision` is not positive definite. */
 lg_status lg_novelty_factor(lg_novelty *novelty, lg_error *error);
 

@@ -23,13 +23,31 @@ static uint64_t count_of(const lg_stored *row) {
     return count;
 }
 
+static lg_status move_name(const lg_archive_writer *to, const lg_archive_reader *from, const lg_stored *row) {
+    uint32_t *number = row->data, found;
+    char text[32];
+    if (to != NULL) return to->text(to->user, row->path, row->name(*number));
+    const lg_status status = from->text(from->user, row->path, text, sizeof text);
+    if (status != LG_OK && status != LG_SHAPE) return status;
+    if (status == LG_SHAPE) text[0] = '\0'; /* too long for any name */
+    LG_FIND_NAME(found, row->names, row->name, text);
+    if (found == row->names) return LG_FORMAT;
+    *number = found;
+    return LG_OK;
+}
+
+static lg_status move_numbers(const lg_archive_writer *to, const lg_archive_reader *from,
+                              const lg_stored *row) {
+    void *data = numbers_of(row);
+    return to != NULL ? to->array(to->user, row->path, row->type, row->rank, row->dims, data)
+                      : from->array(from->user, row->path, row->type, row->rank, row->dims, data);
+}
+
 static lg_status move(const lg_archive_writer *to, const lg_archive_reader *from, const lg_stored *row,
                       lg_error *error) {
-    void *data = row->data == NULL ? NULL : numbers_of(row);
-    const lg_status status = row->data == NULL ? LG_OK
-                             : to != NULL
-                                 ? to->array(to->user, row->path, row->type, row->rank, row->dims, data)
-                                 : from->array(from->user, row->path, row->type, row->rank, row->dims, data);
+    const lg_status status = row->data == NULL   ? LG_OK
+                             : row->name != NULL ? move_name(to, from, row)
+                                                 : move_numbers(to, from, row);
     if (status == LG_OK) return LG_OK;
     return lg_fail(error, status, to != NULL ? "%s could not be saved: %s" : "%s: %s", row->path,
                    lg_status_sentence(status));
@@ -46,21 +64,23 @@ lg_status lg_stored_load(const lg_archive_reader *from, const lg_stored *rows, s
     return LG_OK;
 }
 
-lg_status lg_stored_check(const lg_archive_reader *from, const lg_stored *rows, size_t count,
-                          lg_error *error) {
-    for (const lg_stored *row = rows; row < rows + count; row++) {
-        uint32_t rank = 0;
-        uint64_t dims[4] = {0};
-        if (row->data == NULL) continue;
-        lg_status status = from->shape(from->user, row->path, &rank, dims);
-        if (status == LG_OK && (rank != row->rank || memcmp(dims, row->dims, rank * sizeof *dims) != 0))
-            status = LG_FORMAT;
-        if (status != LG_OK) return lg_fail(error, status, "%s: %s", row->path, lg_status_sentence(status));
-    }
+static lg_status check_shape(const lg_archive_reader *from, const lg_stored *row, lg_error *error) {
+    uint32_t rank = 0;
+    uint64_t dims[4] = {0};
+    lg_status status = from->shape(from->user, row->path, &rank, dims);
+    if (status == LG_OK && (rank != row->rank || memcmp(dims, row->dims, rank * sizeof *dims) != 0))
+        status = LG_FORMAT;
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "%s: %s", row->path, lg_status_sentence(status));
+}
+
+lg_status lg_stored_allocate(const lg_context *context, const lg_stored *row, lg_error *error) {
+    void *made = lg_alloc(context, count_of(row), sizeof(double));
+    if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %s", row->path);
+    memcpy(row->data, &made, sizeof made); /* sets the pointer, whatever its type */
     return LG_OK;
 }
 
-lg_status lg_stored_finite(const lg_stored *row, lg_error *error) {
+static lg_status check_numbers(const lg_stored *row, lg_error *error) {
     const void *data = numbers_of(row);
     for (uint64_t i = 0; i < count_of(row); i++) {
         const double x = row->type == LG_ELEMENT_F64   ? ((const double *)data)[i]
@@ -68,6 +88,9 @@ lg_status lg_stored_finite(const lg_stored *row, lg_error *error) {
                                                        : 0.0;
         if (!isfinite(x))
             return lg_fail(error, LG_NOT_FINITE, "%s: entry %zu is %g", row->path, (size_t)i, x);
+        if (row->positive && !(x > 0))
+            return lg_fail(error, LG_FORMAT, "%s: entry %zu is %g, expected more than 0", row->path,
+                           (size_t)i, x);
     }
     return LG_OK;
 }
@@ -76,12 +99,10 @@ lg_status lg_stored_make(const lg_context *context, const lg_archive_reader *fro
                          size_t count, lg_error *error) {
     for (const lg_stored *row = rows; row < rows + count; row++) {
         if (row->data == NULL) continue;
-        LG_TRY(lg_stored_check(from, row, 1, error));
-        void *made = lg_alloc(context, count_of(row), sizeof(double));
-        if (made == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to read %s", row->path);
-        memcpy(row->data, &made, sizeof made); /* sets the pointer, whatever its type */
+        LG_TRY(check_shape(from, row, error));
+        LG_TRY(lg_stored_allocate(context, row, error));
         LG_TRY(lg_as_format(lg_stored_load(from, row, 1, error), error));
-        LG_TRY(lg_stored_finite(row, error));
+        LG_TRY(check_numbers(row, error));
     }
     return LG_OK;
 }

@@ -9,20 +9,21 @@ typedef struct lg_stored {
     lg_element type;
     uint32_t rank; /* 0: one number */
     uint64_t dims[3];
-    void *data;   /* NULL: the row is not stored */
-    bool pointed; /* `data` points to a pointer to the numbers */
+    void *data;    /* NULL: the row is not stored */
+    bool pointed;  /* `data` points to a pointer to the numbers */
+    bool positive; /* all numbers, of doubles, must be above 0 */
+    /* `data` is a number (uint32_t) below `names`, stored as the text that `name` gives it; else NULL. */
+    const char *(*name)(uint32_t number);
+    uint32_t names;
 } lg_stored;
 
 /* The messages of all functions name the path. */
 lg_status lg_stored_save(const lg_archive_writer *to, const lg_stored *rows, size_t count, lg_error *error);
 lg_status lg_stored_load(const lg_archive_reader *from, const lg_stored *rows, size_t count, lg_error *error);
-/* LG_FORMAT if the archive has another shape; called before memory of this size is allocated. */
-lg_status lg_stored_check(const lg_archive_reader *from, const lg_stored *rows, size_t count,
-                          lg_error *error);
-/* LG_NOT_FINITE if a number of a row is not finite. */
-lg_status lg_stored_finite(const lg_stored *row, lg_error *error);
-/* Allocates the arrays, which are all `pointed`, and loads them. Checks their shapes and that all numbers are
- * finite. */
+/* Sets the pointer of a `pointed` row to new memory; LG_OUT_OF_MEMORY. */
+lg_status lg_stored_allocate(const lg_context *context, const lg_stored *row, lg_error *error);
+/* Allocates the arrays, which are all `pointed`, and loads them. Checks their shapes before, and that all
+ * numbers are finite (LG_NOT_FINITE), and positive where they must be (LG_FORMAT). */
 lg_status lg_stored_make(const lg_context *context, const lg_archive_reader *from, const lg_stored *rows,
                          size_t count, lg_error *error);
 

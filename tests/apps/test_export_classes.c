@@ -6,6 +6,7 @@
 #include "support/decisions.h"
 
 #include "core/core.h"
+#include "files/h5.h"
 #include "liegrad/anomaly.h"
 #include "liegrad/classify.h"
 #include "liegrad/series.h"
@@ -389,26 +390,27 @@ static void save_classifier(const fitted *f) {
     lg_file_writer *writer = NULL;
     lg_archive_writer to;
     const double fraction = 0.25, accuracy = 0.9375, f1 = 0.875;
-    const uint64_t seed = 1, count = f->series.count, length = f->of->length;
+    const uint64_t seed = 1, count = f->series.count, length = f->of->length, version = LG_FORMAT_VERSION;
     const struct {
-        const char *path;
+        const char *group, *name;
         lg_element type;
         const void *value;
-    } rows[] = {{"run/test_fraction", LG_ELEMENT_F64, &fraction},
-                {"run/accuracy", LG_ELEMENT_F64, &accuracy},
-                {"run/f1", LG_ELEMENT_F64, &f1},
-                {"run/seed", LG_ELEMENT_U64, &seed},
-                {"run/windows", LG_ELEMENT_U64, &count},
-                {"run/window", LG_ELEMENT_U64, &length},
-                {"run/hop", LG_ELEMENT_U64, &length}};
+    } rows[] = {{"run", "test_fraction", LG_ELEMENT_F64, &fraction},
+                {"", "accuracy", LG_ELEMENT_F64, &accuracy},
+                {"", "f1", LG_ELEMENT_F64, &f1},
+                {"run", "seed", LG_ELEMENT_U64, &seed},
+                {"run", "windows", LG_ELEMENT_U64, &count},
+                {"model", "window", LG_ELEMENT_U64, &length},
+                {"model", "hop", LG_ELEMENT_U64, &length},
+                {"", "format_version", LG_ELEMENT_I64, &version}};
     memset(hash, 'b', LG_SHA256_TEXT - 1);
     assert_ok(lg_file_writer_create(NULL, export_path(f->of->row.name), "classifier", NULL, &writer, NULL));
+    lg_h5 *h5 = lg_file_writer_h5(writer);
     assert_ok(lg_file_writer_archive(writer, "", &to));
     assert_ok(lg_file_writer_names(writer, &f->series, NULL));
+    assert_ok(lg_h5_remove_attribute(h5, "", "format_version", NULL));
     for (size_t i = 0; i < LG_COUNT(rows); i++)
-        assert_ok(to.array(to.user, rows[i].path, rows[i].type, 0, NULL, rows[i].value));
-    const lg_classifier_method method = f->classifier.method;
-    assert_ok(to.text(to.user, "run/method", method == RIDGE ? "rocket" : lg_classifier_method_name(method)));
+        assert_ok(lg_h5_put_number(h5, rows[i].group, rows[i].name, rows[i].type, rows[i].value, NULL));
     assert_ok(to.text(to.user, "run/split", "random"));
     assert_ok(to.text(to.user, "run/data_sha256", hash));
     assert_ok(lg_classifier_save(&f->classifier, &to, NULL));

@@ -477,6 +477,7 @@ static const refusal anomaly[] = {
     {"evaluate model.h5", 2, "missing argument"},
     {"evaluate {missing.h5 foreign.h5} data.h5", 3, "%"},
     {"evaluate data.h5 data.h5", 3, "attribute kind is 'series', expected 'detector' or"},
+    {"evaluate old.h5 data.h5", 3, "train the model"},
     {"evaluate model.h5 {model.h5 three.h5}", 3, "%"},
     {"evaluate model.h5 fresh.h5 --part test", 2,
      "--part test: model.h5 was trained on other data than fresh.h5"},
@@ -532,6 +533,7 @@ TEST("lg-anomaly refuses wrong command lines and files with exit code and messag
     cli_write("wide.csv", "1,2,3,4,5,6,7,8\n1,2,3,4,5,6,7,8\n");
     write_series("three.h5", 60, 2, 40, 3);
     write_series("single.h5", 10, 2, 20, 1);
+    make_kind("old.h5", "classifier"); /* in the format of before */
     RUN("lg-anomaly", "generate --runs 16 --hours 0.1 --noise 1 --window 30 --out data.h5",
         "generate --runs 4 --hours 0.1 --noise 1 --window 30 --seed 9 --out fresh.h5",
         "generate --runs 2 --hours 0.005 --window 10 --out brief.h5",

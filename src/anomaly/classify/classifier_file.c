@@ -8,8 +8,19 @@
 
 #define ROOT "classifier/"
 
+#define NAMES   3
 #define SCALARS 18
 #define ARRAYS  19
+
+static void list_names(lg_classifier *c, lg_stored out[NAMES]) {
+#define NAME(path_, member, name_, count)                                                                    \
+    { ROOT path_, .data = &(member), .name = name_, .names = count }
+    const lg_stored rows[NAMES] = {
+        NAME("method", c->method, lg_classifier_method_name, LG_METHOD_COUNT),
+        NAME("features/kind", c->features.kind, lg_feature_kind_name, LG_FEATURE_KIND_COUNT),
+        NAME("tree/criterion", c->tree.criterion, lg_tree_criterion_name, LG_CRITERION_COUNT)};
+    memcpy(out, rows, sizeof rows);
+}
 
 /* Lists the numbers, which determine the sizes of all arrays. `bands` is stored for spectrum features only,
  * `convolutions` and `listed` for random convolutions. */
@@ -48,14 +59,19 @@ static void list_arrays(lg_classifier *c, double **nodes, lg_stored out[ARRAYS])
     lg_rocket *r = &c->features.rocket;
     const uint64_t m = c->features.selected, d = c->pca.inputs, k = c->pca.components, classes = c->classes;
     const uint64_t inputs = lg_pca_outputs(&c->pca), rows = classes == 2 ? 1 : classes;
-#define ROW(path, type, rank, first, second, when, member)                                                   \
-    { ROOT path, LG_ELEMENT_##type, rank, {first, second}, (when) ? &(member) : NULL, true }
+#define ROW_OF(positive_, path, type, rank, first, second, when, member)                                     \
+    {                                                                                                        \
+        ROOT path, LG_ELEMENT_##type, rank, {first, second}, (when) ? &(member) : NULL,                      \
+            .pointed = true, .positive = positive_                                                           \
+    }
+#define ROW(...)      ROW_OF(false, __VA_ARGS__)
+#define POSITIVE(...) ROW_OF(true, __VA_ARGS__)
     const lg_stored list[ARRAYS] = {
         ROW("features/select", U32, 1, m, 0, features, c->features.select),
         ROW("features/pair", U32, 2, c->features.pairs, 2, c->features.pairs > 0, c->features.pair),
-        ROW("features/scale", F64, 1, c->features.channels, 0, features, c->features.scale),
+        POSITIVE("features/scale", F64, 1, c->features.channels, 0, features, c->features.scale),
         ROW("pca/mean", F64, 1, d, 0, true, c->pca.mean),
-        ROW("pca/scale", F64, 1, d, 0, true, c->pca.scale),
+        POSITIVE("pca/scale", F64, 1, d, 0, true, c->pca.scale),
         ROW("pca/vectors", F64, 2, d, k, k > 0, c->pca.vectors),
         ROW("pca/variance", F64, 1, c->pca.variances, 0, c->pca.variances > 0, c->pca.variance),
         ROW("logistic/weight", F64, 2, rows, inputs, logistic, c->logistic.weight),
@@ -73,9 +89,6 @@ static void list_arrays(lg_classifier *c, double **nodes, lg_stored out[ARRAYS])
     };
     memcpy(out, list, sizeof list);
 }
-
-enum { METHOD, KIND, CRITERION, TEXTS };
-static const char *const text_paths[TEXTS] = {ROOT "method", ROOT "features/kind", ROOT "tree/criterion"};
 
 /* ---- writing ---- */
 
@@ -97,20 +110,12 @@ lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_w
     /* A copy that is only read, because the list takes pointers without const. */
     lg_classifier c = *classifier;
     double *nodes = NULL;
-    lg_stored rows[SCALARS + ARRAYS];
-    const char *const texts[TEXTS] = {lg_classifier_method_name(c.method),
-                                      lg_feature_kind_name(c.features.kind),
-                                      lg_tree_criterion_name(c.tree.criterion)};
-    for (size_t i = 0; i < TEXTS; i++) {
-        const lg_status status = writer->text(writer->user, text_paths[i], texts[i]);
-        if (status != LG_OK)
-            return lg_fail(error, status, "%s could not be saved: %s", text_paths[i],
-                           lg_status_sentence(status));
-    }
+    lg_stored rows[NAMES + SCALARS + ARRAYS];
     if (c.method == LG_METHOD_TREE && (nodes = pack_nodes(&c.tree)) == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to save %u nodes", c.tree.count);
-    list_scalars(&c, rows);
-    list_arrays(&c, &nodes, rows + SCALARS);
+    list_names(&c, rows);
+    list_scalars(&c, rows + NAMES);
+    list_arrays(&c, &nodes, rows + NAMES + SCALARS);
     const lg_status status = lg_stored_save(writer, rows, LG_COUNT(rows), error);
     lg_free(NULL, nodes);
     return status;
@@ -120,23 +125,6 @@ lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_w
 
 static lg_status wrong(lg_error *error, const char *path, const char *what) {
     return lg_fail(error, LG_FORMAT, ROOT "%s %s", path, what);
-}
-
-static lg_status read_texts(const lg_archive_reader *r, lg_classifier *c, lg_error *error) {
-    char text[TEXTS][32];
-    for (size_t i = 0; i < TEXTS; i++) {
-        const lg_status status = r->text(r->user, text_paths[i], text[i], sizeof text[i]);
-        if (status != LG_OK && status != LG_SHAPE)
-            return lg_fail(error, status, "%s: %s", text_paths[i], lg_status_sentence(status));
-        if (status == LG_SHAPE) text[i][0] = '\0'; /* too long for any name */
-    }
-    LG_FIND_NAME(c->method, LG_METHOD_COUNT, lg_classifier_method_name, text[METHOD]);
-    if (c->method == LG_METHOD_COUNT) return wrong(error, "method", "is unknown");
-    LG_FIND_NAME(c->features.kind, LG_FEATURE_KIND_COUNT, lg_feature_kind_name, text[KIND]);
-    if (c->features.kind == LG_FEATURE_KIND_COUNT) return wrong(error, "features/kind", "is unknown");
-    LG_FIND_NAME(c->tree.criterion, LG_CRITERION_COUNT, lg_tree_criterion_name, text[CRITERION]);
-    if (c->tree.criterion == LG_CRITERION_COUNT) return wrong(error, "tree/criterion", "is unknown");
-    return LG_OK;
 }
 
 /* Checks that the sizes that were read fit each other, and sets those that follow from them. */
@@ -187,12 +175,6 @@ static lg_status take_sizes(lg_classifier *c, lg_error *error) {
     return LG_OK;
 }
 
-static bool positive(const double *x, size_t n) {
-    for (size_t i = 0; i < n; i++)
-        if (!(x[i] > 0.0)) return false;
-    return true;
-}
-
 static lg_status check_features(const lg_classifier *c, lg_error *error) {
     const lg_features *f = &c->features;
     for (uint32_t i = 0; i < f->selected; i++)
@@ -201,9 +183,6 @@ static lg_status check_features(const lg_classifier *c, lg_error *error) {
     for (uint32_t i = 0; i < 2 * f->pairs; i++)
         if (f->pair[i] >= f->channels)
             return wrong(error, "features/pair", "names a channel that does not exist");
-    if (f->count > 0 && !positive(f->scale, f->channels))
-        return wrong(error, "features/scale", "is not positive");
-    if (!positive(c->pca.scale, c->pca.inputs)) return wrong(error, "pca/scale", "is not positive");
     const char *what = f->rocket.count > 0 ? lg_rocket_check(f) : NULL;
     return what == NULL ? LG_OK : wrong(error, "rocket/convolution", what);
 }
@@ -262,8 +241,9 @@ static lg_status check_svm(const lg_svm *svm, lg_error *error) {
 
 static lg_status read_classifier(const lg_context *context, const lg_archive_reader *r, lg_classifier *c,
                                  double **nodes, lg_error *error) {
-    lg_stored scalars[SCALARS], arrays[ARRAYS];
-    LG_TRY(read_texts(r, c, error));
+    lg_stored names[NAMES], scalars[SCALARS], arrays[ARRAYS];
+    list_names(c, names);
+    LG_TRY(lg_stored_load(r, names, NAMES, error));
     list_scalars(c, scalars);
     lg_status status = lg_stored_load(r, scalars, SCALARS, error);
     if (status == LG_SHAPE) status = lg_as_format(status, error);

@@ -4,9 +4,8 @@
 
 #include "liegrad/anomaly.h"
 
+#include "anomaly/files/recipe.h"
 #include "model/files/program_file.h"
-#include "model/files/recipe.h"
-#include "datasets/series_files.h"
 
 /* ---- blocks as text, such as "12 kernel 5 stride 1 padding 0 average 2/2, 24 kernel ..." ---- */
 
@@ -124,63 +123,20 @@ static const lg_item items[] = {{.type = LG_ITEM_SCALER,
                                 LG_ATTRIBUTE(lg_detector_file, REAL, "test_mse", test_mse),
                                 {.type = LG_ITEM_END}};
 
-static lg_status check_novelty(const lg_h5 *h5, const lg_detector_file *file, lg_status status,
-                               lg_error *error) {
-    const lg_novelty *v = &file->novelty;
-    const lg_cnn *net = &file->run.model.net;
-    if (v->channels == 0 || (v->channels == net->channels && v->length == net->length)) return LG_OK;
-    return lg_fail(
-        error, status,
-        "%s: /novelty: is for windows of %u channels and %u samples, but windows of the model have %u and %u",
-        lg_shown_path(h5->path), v->channels, v->length, net->channels, net->length);
-}
-
-static lg_status put_novelty(lg_h5 *h5, const lg_detector_file *file, lg_error *error) {
-    lg_error failure = {LG_OK, ""};
-    lg_h5_view view = {.h5 = h5, .failure = &failure};
-    const lg_archive_writer writer = lg_h5_view_writer(&view);
-    LG_TRY(check_novelty(h5, file, LG_INVALID_ARGUMENT, error));
-    return file->novelty.channels == 0 ? LG_OK : lg_novelty_save(&file->novelty, &writer, error);
-}
-
-static lg_status get_novelty(lg_h5 *h5, lg_detector_file *file, lg_error *error) {
-    lg_error failure = {LG_OK, ""};
-    lg_h5_view view = {.h5 = h5, .failure = &failure};
-    const lg_archive_reader reader = lg_h5_view_reader(&view);
-    lg_error reason = {LG_OK, ""};
-    const lg_status status = lg_novelty_load(h5->context, &reader, &file->novelty, &reason);
-    if (status == LG_NOT_FOUND) return LG_OK;
-    if (status != LG_OK) return lg_fail(error, status, "%s: /%s", lg_shown_path(h5->path), reason.message);
-    return check_novelty(h5, file, LG_FORMAT, error);
-}
-
 static lg_status put_rest(lg_h5 *h5, const void *user, lg_error *error) {
     const lg_detector_file *file = user;
+    const lg_cnn *net = &file->run.model.net;
     lg_series names = file->names;
-    names.classes = file->run.model.classes;
-    names.channels = file->run.model.net.channels;
-    LG_TRY(lg_sensing_check(h5->context, h5->path, &names, error));
-    LG_TRY(lg_sensing_put(h5, &names, error));
-    return put_novelty(h5, file, error);
-}
-
-/* Names the classes "0", "1", ... if the file has no names for them. */
-static lg_status number_classes(lg_h5 *h5, lg_detector_file *file, lg_error *error) {
-    const uint32_t classes = file->run.model.classes;
-    lg_series *names = &file->names;
-    if (names->class_name != NULL) return LG_OK;
-    names->class_name = lg_alloc(h5->context, classes, sizeof *names->class_name);
-    if (names->class_name == NULL) return lg_h5_no_memory(h5, error);
-    for (uint32_t c = 0; c < classes; c++) (void)snprintf(names->class_name[c], LG_SERIES_NAME, "%u", c);
-    return LG_OK;
+    names.classes = file->run.model.classes, names.channels = net->channels, names.length = net->length;
+    return lg_detector_put_names(h5, &names, &file->novelty, error);
 }
 
 static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     lg_detector_file *file = user;
-    file->names = (lg_series){.classes = file->run.model.classes, .channels = file->run.model.net.channels};
-    LG_TRY(lg_sensing_get(h5, &file->names, error));
-    LG_TRY(number_classes(h5, file, error));
-    return get_novelty(h5, file, error);
+    const lg_cnn *net = &file->run.model.net;
+    file->names =
+        (lg_series){.classes = file->run.model.classes, .channels = net->channels, .length = net->length};
+    return lg_detector_get_names(h5, net->length, &file->names, &file->novelty, error);
 }
 
 static void release(void *user) {

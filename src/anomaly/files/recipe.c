@@ -260,29 +260,9 @@ static void release(lg_training *self) {
 
 /* ---- the result ---- */
 
-typedef struct scoring {
-    const lg_detector_plan *plan;
-    const lg_judgement *out;
-} scoring;
-
-static lg_status score(void *user, size_t i, const float *x, void *work) {
-    const scoring *self = user;
-    const lg_judgement *out = self->out;
-    double *plane = out->plane != NULL ? out->plane + 2 * i : NULL;
-    lg_detector_eval(self->plan, x, out->score + i * out->classes, plane, work);
+static lg_status score(const void *plan, const float *x, double *score, double *plane, void *work) {
+    lg_detector_eval(plan, x, score, plane, work);
     return LG_OK;
-}
-
-static lg_status judge_part(const lg_training *self, const lg_detector_plan *plan, const lg_cut_series *from,
-                            const lg_window_list *part, lg_judgement *out, lg_error *error) {
-    const lg_detector *model = &((const lg_detector_run *)self->run)->model;
-    scoring user = {plan, out};
-    LG_TRY(lg_judgement_begin(self->context, &from->data.series, &from->windows, part, model->classes,
-                              ((const lg_detector_state *)self->state)->healthy, model->net.plane == 2, out,
-                              error));
-    const lg_status status = lg_windows_each(self->context, &from->data.series, &from->windows, part,
-                                             self->threads, lg_detector_work_size(plan), score, &user);
-    return lg_judgement_end(out, true, status, error);
 }
 
 /* Judges the training part (if it has windows) and the test part. */
@@ -293,9 +273,14 @@ static lg_status judge_parts(const lg_training *self, const lg_scaler *scaler, c
     lg_detector_plan *plan;
     LG_TRY(lg_detector_plan_create(self->context, &run->model, scaler, theta, run->training.dtype, &plan,
                                    error));
-    lg_status status = judge_part(self, plan, &s->all, &s->train, &s->train_judged, error);
+    const lg_scorer by = {
+        score, plan, lg_detector_work_size(plan), run->model.classes, s->healthy, run->model.net.plane == 2,
+        true};
+    lg_status status =
+        lg_judge(self->context, &by, &s->all, &s->train, self->threads, &s->train_judged, error);
     if (status == LG_OK)
-        status = judge_part(self, plan, lg_detector_tested(s), &s->tested, &s->judged, error);
+        status =
+            lg_judge(self->context, &by, lg_detector_tested(s), &s->tested, self->threads, &s->judged, error);
     lg_detector_plan_destroy(plan);
     return status;
 }

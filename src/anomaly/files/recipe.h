@@ -9,11 +9,20 @@
 #include "liegrad/settings.h"
 #include "model/files/training.h"
 
-/* A data file and the windows cut out of it. */
-typedef struct lg_cut_series {
-    lg_series_data data;
-    lg_windows windows;
-} lg_cut_series;
+/* Write and read a part of a model by the functions that do so in an archive. LG_NOT_FOUND of `load` means
+ * that the file lacks the part, which is no failure. */
+typedef lg_status lg_part_saver(const void *part, const lg_archive_writer *to, lg_error *error);
+typedef lg_status lg_part_loader(const lg_context *context, const lg_archive_reader *from, void *part,
+                                 lg_error *error);
+lg_status lg_detector_put_part(lg_h5 *h5, lg_part_saver *save, const void *part, lg_error *error);
+lg_status lg_detector_get_part(lg_h5 *h5, lg_part_loader *load, void *part, lg_error *error);
+/* Write and read names, rate and novelty. names->classes, channels and length are the model's; the novelty
+ * must be for windows of this shape. Where channels is 0, the novelty is the model, and its shape is taken.
+ * The length must be `window`. Without names in the file the classes are "0", "1", ... */
+lg_status lg_detector_put_names(lg_h5 *h5, const lg_series *names, const lg_novelty *novelty,
+                                lg_error *error);
+lg_status lg_detector_get_names(lg_h5 *h5, uint64_t window, lg_series *names, lg_novelty *novelty,
+                                lg_error *error);
 
 /* State of the trainer of detectors. The values of its options come first. */
 typedef struct lg_detector_state {

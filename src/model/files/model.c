@@ -21,7 +21,7 @@ typedef struct slice {
 } slice;
 
 static bool slice_at(const lg_recipe *kind, const void *run, uint32_t index, slice *s) {
-    if (!kind->slice(run, index, &s->info)) return false;
+    if (kind->slice == NULL || !kind->slice(run, index, &s->info)) return false;
     (void)snprintf(s->name, sizeof s->name, "model/%s", s->info.name);
     return true;
 }
@@ -96,6 +96,7 @@ static lg_status put_parameters(lg_h5 *h5, const lg_recipe *recipe, const void *
 static lg_status put_functions(lg_h5 *h5, const lg_recipe *recipe, const void *file, lg_error *error) {
     const lg_scheme *scheme;
     LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
+    if (recipe->program == NULL) return lg_program_put_version(h5, error);
     LG_TRY(make_program(h5, recipe, file, &scheme, &program, error));
     LG_TRY(put_parameters(h5, recipe, run_of(recipe, file), program, error));
     LG_TRY(lg_program_put_functions(h5, program, error));
@@ -150,7 +151,7 @@ static lg_status check_saved(const char *path, const lg_recipe *kind, const void
     slice s;
     const lg_model_head *head = file;
     const void *run = run_of(kind, file);
-    if (head->theta == NULL)
+    if (head->theta == NULL && kind->slice != NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name, the model or its parameters are NULL");
     LG_TRY(lg_run_check(path, kind, run, error));
     if (head->parameters != lg_recipe_parameters(kind, run))

@@ -43,6 +43,8 @@ typedef char lg_program_name[LG_PROGRAM_NAME];
 lg_status lg_program_put_functions(lg_h5 *h5, const lg_program *program, lg_error *error);
 lg_status lg_program_put_parameters(lg_h5 *h5, const lg_program *program, const lg_program_source *places,
                                     size_t count, lg_error *error);
+/* Writes the version of the format of models; lg_program_put_functions does so too. */
+lg_status lg_program_put_version(lg_h5 *h5, lg_error *error);
 /* Writes the attribute `space` of /model. */
 lg_status lg_program_put_space(lg_h5 *h5, const lg_space *space, lg_error *error);
 /* Reads the program of an open file of any kind. */

@@ -109,10 +109,14 @@ lg_status lg_program_put_parameters(lg_h5 *h5, const lg_program *program, const 
     return LG_OK;
 }
 
-lg_status lg_program_put_functions(lg_h5 *h5, const lg_program *program, lg_error *error) {
+lg_status lg_program_put_version(lg_h5 *h5, lg_error *error) {
     const int64_t version = LG_FORMAT_VERSION;
     LG_TRY(lg_h5_remove_attribute(h5, "", "format_version", error));
-    LG_TRY(lg_h5_put_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error));
+    return lg_h5_put_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error);
+}
+
+lg_status lg_program_put_functions(lg_h5 *h5, const lg_program *program, lg_error *error) {
+    LG_TRY(lg_program_put_version(h5, error));
     LG_TRY(put_order(h5, program, true, error));
     for (size_t i = 0; i < lg_program_functions(program); i++) LG_TRY(put_function(h5, program, i, error));
     return LG_OK;

@@ -69,7 +69,7 @@ lg_status lg_run_get(lg_h5 *h5, const lg_recipe *kind, bool complete, void *run,
 size_t lg_recipe_parameters(const lg_recipe *kind, const void *run) {
     lg_slice_info s;
     size_t count = 0;
-    for (uint32_t i = 0; kind->slice(run, i, &s); i++) count += s.count;
+    for (uint32_t i = 0; kind->slice != NULL && kind->slice(run, i, &s); i++) count += s.count;
     return count;
 }
 

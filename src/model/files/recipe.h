@@ -45,9 +45,10 @@ struct lg_recipe {
     lg_status (*describe)(lg_h5 *h5, const void *run,
                           lg_error *error); /* writes attributes for people; may be NULL */
     /* Slice `index` of the parameters, which is stored below /model by its name; false beyond the last
-     * slice. */
+     * slice. NULL: the model has no parameters. */
     bool (*slice)(const void *run, uint32_t index, lg_slice_info *out);
-    /* Makes the program of the model in a file structure. `scheme`: of its steps; NULL: the usual scheme. */
+    /* Makes the program of the model in a file structure. `scheme`: of its steps; NULL: the usual scheme.
+     * NULL: files have no functions. */
     lg_status (*program)(const lg_context *context, const void *file, const lg_scheme *scheme,
                          lg_program **out, lg_error *error);
     lg_status (*space)(const void *run, lg_space *out); /* of the states; NULL: the model does not move */
