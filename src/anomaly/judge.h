@@ -65,9 +65,9 @@ typedef struct lg_judgement {
 /* Scores windows of `part`, in threads. A failure leaves *out without memory. */
 lg_status lg_judge(const lg_context *context, const lg_scorer *by, const lg_cut_series *from,
                    const lg_window_list *part, uint64_t threads, lg_judgement *out, lg_error *error);
-/* The parts of lg_judge, for a caller that fills in the scores itself. lg_judgement_begin allocates the arrays
- * of *out for the windows of `part`, fills in `window` and `truth`, and starts the clock. The metrics are NaN
- * until lg_judgement_end sets them; they stay NaN if there are no windows. */
+/* The parts of lg_judge, for a caller that fills in the scores itself. lg_judgement_begin allocates the
+ * arrays of *out for the windows of `part`, fills in `window` and `truth`, and starts the clock. The metrics
+ * are NaN until lg_judgement_end sets them; they stay NaN if there are no windows. */
 lg_status lg_judgement_begin(const lg_context *context, const lg_scorer *by, const lg_cut_series *from,
                              const lg_window_list *part, lg_judgement *out, lg_error *error);
 /* Stops the clock and computes the metrics from the scores. If `status` is a failure, or computing fails,
