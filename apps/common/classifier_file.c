@@ -67,6 +67,8 @@ static lg_status get_rest(lg_h5 *h5, void *user, lg_error *error) {
     classifier_file *file = user;
     const lg_classifier *c = &file->classifier;
     LG_TRY(lg_detector_get_part(h5, load_classifier, &file->classifier, error));
+    if (!classifier_file_is_novelty(file) && c->features.channels == 0)
+        return lg_fail(error, LG_FORMAT, "/classifier/features is for windows without channels");
     file->method = method_of(c);
     file->names = (lg_series){.classes = classifier_file_is_novelty(file) ? 2 : c->classes,
                               .channels = c->features.channels,

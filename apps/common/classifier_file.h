@@ -12,7 +12,7 @@
  * training.seed, windows, window, hop, data_sha256, healthy. */
 typedef struct classifier_file {
     LG_DETECTOR_HEAD
-    lg_scaler scaler; /* it and test_mse: zero; a structure begins as lg_detector_file */
+    lg_scaler scaler; /* unused, as test_mse: they keep `classifier` out of the memory of lg_detector_file */
     double test_mse;
     lg_classifier classifier; /* zero for the method "novelty" */
     const char *method;       /* by classifier_method_name; not stored, since the classifier determines it */

@@ -239,13 +239,13 @@ const app_plot_kind anomaly_plots[] = {
     {.name = NULL}};
 
 unsigned plots_of(const well_model *model, bool training) {
+    if (model->sort == WELL_NOVELTY) return NOVELTY;
+    if (model->sort == WELL_NETWORK)
+        return NETWORK | (training ? LOSS : 0) | (model->network.run.model.net.plane == 2 ? PLANE : 0);
     const lg_classifier *by = &model->file.classifier;
     const bool tree = by->method == LG_METHOD_TREE, margin = model->file.names.classes == 2 &&
                                                              by->method == LG_METHOD_SVM_LINEAR &&
                                                              lg_pca_outputs(&by->pca) == 3;
-    if (model->sort == WELL_NOVELTY) return NOVELTY;
-    if (model->sort == WELL_NETWORK)
-        return NETWORK | (training ? LOSS : 0) | (model->network.run.model.net.plane == 2 ? PLANE : 0);
     return FEATURES | (by->pca.variances > 0 ? VARIANCES : 0) | (tree ? TREE : 0) | (margin ? MARGIN : 0) |
            (by->features.kind == LG_FEATURES_BASELINE ? BASELINE : 0) | (tree && training ? PRUNING : 0);
 }

@@ -39,8 +39,8 @@
 
 LG_BEGIN_DECLS
 
-/* The major version of the file format, the integer attribute `format_version`, of files with functions:
- * programs and models. Data files and checkpoints have version 1. Other versions are rejected. */
+/* The major version of the file format, the integer attribute `format_version`, of programs,
+ * models and classifiers. Data files and checkpoints have version 1. Other versions are rejected. */
 #define LG_FORMAT_VERSION 2
 
 /* For executables, before the first file: stops HDF5 from running its clean-up when the process ends. That

@@ -75,10 +75,6 @@ LG_API void lg_so3_project(double R[9]);
 
 /* (R, r) = exp(a) = (exp(hat(u)), dexp_u(v)) for a = (u, v) */
 LG_API void lg_se3_exp(const double a[6], double R[9], double r[3]);
-/* (out_R, out_r) = exp(a) (R, r) = (exp(hat(u)) R, exp(hat(u)) r + dexp_u(v)) for a = (u, v). out_R and out_r
- * may be R and r. */
-LG_API void lg_se3_exp_multiply(const double a[6], const double R[9], const double r[3], double out_R[9],
-                                double out_r[3]);
 /* Logarithm: a = (u, v) with exp(a) = (R, r). u is the result of lg_so3_log, and v = dexp_u^-1(r). */
 LG_API void lg_se3_log(const double R[9], const double r[3], double a[6]);
 /* The action of SE(3) on TS^2 and T*S^2: out = exp(a) . y = (R q, R p + r x R q) for y = (q, p) and (R, r) =

@@ -231,7 +231,7 @@ typedef struct lg_series_data {
  * rules that say which label belongs to which class. /X is converted to floats without a second copy. The
  * label of each class is stored in series.class_label.
  *
- * `like` (may be NULL) is a series that was read before, or the names of a model (lg_file_reader_names). If
+ * `like` (may be NULL) is a series that was read before, or the names of a model (lg_detector_load). If
  * it is given, the file is a test file in these rules: the result has the classes and class_label of `like`.
  *
  * Errors: LG_FORMAT also for labels that are empty or not whole, a label or class that `like` does not have,
@@ -247,18 +247,6 @@ LG_API lg_status lg_series_read(const lg_context *context, const char *path, con
 LG_API lg_status lg_series_write(const lg_context *context, const char *path, lg_series_data *data,
                                  lg_error *error);
 LG_API void lg_series_data_destroy(lg_series_data *data);
-
-/* Writes the attributes `classes`, `class_labels`, `channels` and `rate` into a file of any kind. They are
- * taken from series->classes, class_name, class_label, channels, channel_name and rate; the rest of the
- * series is not read. Names that cannot be joined by | become datasets, as in lg_series_write. Errors:
- * LG_INVALID_ARGUMENT (classes without names, empty or repeated class names, a negative rate), LG_NOT_FINITE
- * (the rate). */
-LG_API lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, lg_error *error);
-/* Reads these attributes back. Without channel names, channel_name is NULL and channels 0; without class
- * labels, class_label is NULL. *out has no windows but can be used as `like` in lg_series_read. It is in the
- * memory of the reader's context; free it with lg_series_destroy. Errors: LG_FORMAT also for a file without
- * `classes`. */
-LG_API lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error *error);
 
 LG_END_DECLS
 

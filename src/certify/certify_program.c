@@ -153,8 +153,8 @@ lg_status lg_certify_function(const lg_program *program, const char *name, uint3
     const lg_port *out = lg_program_outputs(program, *function, &outputs);
     const size_t states = inputs == 1 || (held && inputs > 0) ? lg_shape_count(in[0].shape) : 0;
     const bool fits =
-        held || (!in[0].shared && in[0].shape.rank == 1 && !out[0].shared && (*n == 0 || states == *n) &&
-                 lg_shape_count(out[0].shape) == (value ? 1 : states));
+        held || (states > 0 && !in[0].shared && in[0].shape.rank == 1 && !out[0].shared &&
+                 (*n == 0 || states == *n) && lg_shape_count(out[0].shape) == (value ? 1 : states));
     if (states == 0 || states > most || !fits)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the function '%s' needs one input of 1 to %u states, and %s as its first output",

@@ -405,10 +405,10 @@ static lg_status transplant(const lg_policy *policy, const lg_program *plant, co
 
 /* ---- policies of files ---- */
 
-/* Operation `of` of one function has to be operation `is` of the other. Returns whether it can be. */
-static bool pair(uint32_t *partner, uint32_t of, uint32_t is) {
-    if (partner[of] == UINT32_MAX) partner[of] = is;
-    return partner[of] == is;
+/* Pairs operation a of one function with operation b of the other. False: a has another partner. */
+static bool pair(uint32_t *partner, uint32_t a, uint32_t b) {
+    if (partner[a] == UINT32_MAX) partner[a] = b;
+    return partner[a] == b;
 }
 
 /* Puts the operations of `is` in the order of `expected`: arguments of a call are recorded in the order that
@@ -442,9 +442,11 @@ static lg_status put_in_order(const lg_context *context, lg_function_image *is,
 static size_t elements(const lg_port *a, const lg_port *b, size_t count, size_t other) {
     size_t all = 0;
     for (size_t i = 0; i < count && count == other; i++) {
-        const size_t of_port = lg_shape_count(lg_port_shape(&a[i], 1));
-        if (of_port != lg_shape_count(lg_port_shape(&b[i], 1))) return 0;
-        all += of_port;
+        const lg_shape is = a[i].shape, expected = b[i].shape;
+        if (a[i].shared != b[i].shared || is.rank != expected.rank ||
+            memcmp(is.dims, expected.dims, is.rank * sizeof *is.dims) != 0)
+            return 0;
+        all += lg_shape_count(lg_port_shape(&a[i], 1));
     }
     return all;
 }
@@ -481,7 +483,8 @@ static lg_status have_same_values(const lg_policy *p, const lg_policy *again, si
         for (size_t k = 0; k < outs; k++) largest = fmax(largest, fabs(y[1][0][k]));
         for (size_t k = 0; k < outs; k++) {
             const double is = y[0][0][k], expected = y[1][0][k];
-            *same = *same && (fabs(is - expected) <= 1e-9 * largest || (isnan(is) && isnan(expected)));
+            *same = *same && (is == expected || (isnan(is) && isnan(expected)) ||
+                              (isfinite(largest) && fabs(is - expected) <= 1e-9 * largest));
         }
     }
     return LG_OK;

@@ -303,24 +303,3 @@ lg_status lg_series_write(const lg_context *context, const char *path, lg_series
     hash(data);
     return lg_h5_finish(h5, put_all(h5, data, error), error);
 }
-
-/* ---- names of classes and channels in files of any kind ---- */
-
-lg_status lg_file_writer_names(lg_file_writer *writer, const lg_series *series, lg_error *error) {
-    LG_NEEDS(error, writer, series);
-    lg_h5 *h5 = lg_file_writer_h5(writer);
-    LG_TRY(lg_sensing_check(h5->context, h5->path, series, error));
-    return lg_sensing_put(h5, series, error);
-}
-
-lg_status lg_file_reader_names(lg_file_reader *reader, lg_series *out, lg_error *error) {
-    LG_NEEDS(error, reader, out);
-    lg_h5 *h5 = lg_file_reader_h5(reader);
-    LG_CLEAN(lg_series_destroy) lg_series names = {.classes = 0};
-    LG_TRY(lg_sensing_get(h5, &names, error));
-    if (names.class_name == NULL)
-        return lg_fail(error, LG_FORMAT,
-                       "%s: attribute classes is missing: write their names, such as 'ok|leak'",
-                       lg_shown_path(h5->path));
-    return LG_GIVE(out, names);
-}

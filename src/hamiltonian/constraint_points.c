@@ -234,6 +234,7 @@ lg_status lg_constraint_project(const lg_constraint *constraint, double size, do
         return lg_fail(error, LG_NO_CONVERGENCE, "Newton's method finds no point with g(q) = 0 from %s",
                        lg_constraint_show(constraint, state).text);
     }
+    lg_constraint_value(&work, moved);
     LG_TRY(lg_constraint_view_of(&work, moved, &view, error));
     (void)lg_constraint_clear(&work, NULL, moved + n); /* the rank is high enough */
     memcpy(state, moved, 2 * n * sizeof *state);

@@ -38,7 +38,7 @@ lg_status lg_constraint_energy(const lg_constraint *constraint, const double *st
 /* ---- RATTLE ---- */
 
 typedef struct rattle {
-    lg_constraint_work work; /* with g and G at q */
+    lg_constraint_work work; /* with G at q */
     double q[MOST], u[MOST];
 } rattle;
 

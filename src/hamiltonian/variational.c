@@ -38,8 +38,12 @@ static void select_vector(uint32_t N, uint32_t first, uint32_t stride, double *r
 /* Sets A, B, d and k for the parts y. */
 static void set_constraints(lg_tape *tape, const lg_hamiltonian_family *family, const lg_var *y, step *s) {
     enum { MOST = LG_HAMILTONIAN_AMBIENT };
-    double A[MOST * MOST] = {0.0}, B[MOST * MOST] = {0.0}, d[MOST];
+    double A[2 * MOST * MOST] = {0.0}, B[2 * MOST * MOST] = {0.0}, d[MOST]; /* rotations: 3 k = 2 N */
     const uint32_t N = s->N;
+    if (N > MOST) {
+        (void)lg_tape_fail(tape, LG_UNSUPPORTED, "hamiltonian", "too many positions for a variational step");
+        return;
+    }
     uint32_t from = 0;
     for (size_t i = 0; family->layout[i] != NULL; i += 2) {
         const uint32_t v = vectors_of(lg_var_shape(tape, y[i]));

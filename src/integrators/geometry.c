@@ -149,15 +149,6 @@ void lg_se3_exp(const double a[6], double R[9], double r[3]) {
     memcpy(r, translation, sizeof(translation));
 }
 
-void lg_se3_exp_multiply(const double a[6], const double R[9], const double r[3], double out_R[9],
-                         double out_r[3]) {
-    const lie_vector u = lie_at(a);
-    double c1, c2, c3;
-    stumpff_lanes(lie_dot(u, u), &c1, &c2, &c3);
-    lie_put(lie_add(lie_function(c1, c2, u, lie_at(r)), lie_function(c2, c3, u, lie_at(a + 3))), out_r);
-    map_columns(c1, c2, u, R, out_R);
-}
-
 void lg_se3_log(const double R[9], const double r[3], double a[6]) {
     double u[3];
     lg_so3_log(R, u);

@@ -30,13 +30,13 @@ LG_API lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint3
 
 /* What a term may depend on, for B rows: parts of the state (NULL: the term is a mass that does not depend on
  * it), velocities (B, velocities) and input (B, inputs). v and u are LG_NONE for parts of the machine that do
- * not depend on them. sign (B, velocities): the
- * signs of velocities that friction without a width takes, 0 where it sticks; LG_NONE: those of v. */
+ * not depend on them. sign (B, velocities): the signs of velocities that friction without a width takes, 0
+ * where it sticks; LG_NONE: those of v. */
 typedef struct lg_machine_seen {
     const lg_var *parts;
     lg_var v, u, sign;
     uint32_t rows;
-    bool directions; /* a mass is asked for the masses of the directions */
+    bool directions; /* record the masses of the directions */
 } lg_machine_seen;
 
 /* An entry of a term's values: its name, its unit (1 in scaled units), its start in scaled units, whether it

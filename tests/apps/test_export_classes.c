@@ -6,6 +6,7 @@
 #include "support/decisions.h"
 
 #include "core/core.h"
+#include "datasets/series_files.h"
 #include "files/h5.h"
 #include "liegrad/anomaly.h"
 #include "liegrad/classify.h"
@@ -407,7 +408,7 @@ static void save_classifier(const fitted *f) {
     assert_ok(lg_file_writer_create(NULL, export_path(f->of->row.name), "classifier", NULL, &writer, NULL));
     lg_h5 *h5 = lg_file_writer_h5(writer);
     assert_ok(lg_file_writer_archive(writer, "", &to));
-    assert_ok(lg_file_writer_names(writer, &f->series, NULL));
+    assert_ok(lg_sensing_put(h5, &f->series, NULL));
     assert_ok(lg_h5_remove_attribute(h5, "", "format_version", NULL));
     for (size_t i = 0; i < LG_COUNT(rows); i++)
         assert_ok(lg_h5_put_number(h5, rows[i].group, rows[i].name, rows[i].type, rows[i].value, NULL));

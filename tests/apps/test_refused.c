@@ -533,7 +533,7 @@ TEST("lg-anomaly refuses wrong command lines and files with exit code and messag
     cli_write("wide.csv", "1,2,3,4,5,6,7,8\n1,2,3,4,5,6,7,8\n");
     write_series("three.h5", 60, 2, 40, 3);
     write_series("single.h5", 10, 2, 20, 1);
-    make_kind("old.h5", "classifier"); /* in the format of before */
+    make_kind("old.h5", "classifier"); /* in format 1 */
     RUN("lg-anomaly", "generate --runs 16 --hours 0.1 --noise 1 --window 30 --out data.h5",
         "generate --runs 4 --hours 0.1 --noise 1 --window 30 --seed 9 --out fresh.h5",
         "generate --runs 2 --hours 0.005 --window 10 --out brief.h5",

@@ -1117,8 +1117,6 @@ static const char *const left_out[] = {
     "lg_hamiltonian_save_errors",
     "lg_elastica_data_write",
     "lg_series_write",
-    "lg_file_writer_names",
-    "lg_file_reader_names",
     "lg_checkpoint_create",
     "lg_checkpoint_open",
     "lg_recipe_compare_runs",
