@@ -235,7 +235,7 @@ typedef struct lg_energy_row {
     uint32_t count; /* Number of coordinates; 0: any number, all of kind coordinates[0]. */
     lg_coordinate_kind coordinates[2];
     unsigned seen; /* Bit i: M or V depends on coordinate i. */
-    bool moving;   /* Whether M depends on the positions. */
+    bool moving;   /* True if M depends on the positions. */
 } lg_energy_row;
 
 /* ---- Parts of a chain (LG_UNSUPPORTED for other systems) ---- */

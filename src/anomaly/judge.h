@@ -70,8 +70,8 @@ lg_status lg_judge(const lg_context *context, const lg_scorer *by, const lg_cut_
  * are NaN until lg_judgement_end sets them; they stay NaN if there are no windows. */
 lg_status lg_judgement_begin(const lg_context *context, const lg_scorer *by, const lg_cut_series *from,
                              const lg_window_list *part, lg_judgement *out, lg_error *error);
-/* Stops the clock and computes the metrics from the scores. If `status` is a failure, or computing fails,
- * *judged is destroyed and the failure is returned. */
+/* Stops the clock and computes the metrics from the scores. If `status` is a failure, or the computation
+ * fails, the result is destroyed and the failure is returned. */
 lg_status lg_judgement_end(lg_judgement *judged, lg_status status, lg_error *error);
 void lg_judgement_destroy(lg_judgement *judged);
 /* Checks that all scores are finite. LG_NOT_FINITE means that the numbers of a window overflow in the model,

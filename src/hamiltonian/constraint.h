@@ -58,8 +58,8 @@ lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_co
 /* x -= G^T (G K G^T)^-1 G K x with G of the work and K (n, n); NULL: the unit matrix. False: singular. */
 bool lg_constraint_clear(const lg_constraint_work *work, const double *K, double *x);
 /* Newton's method for g(q) = 0 along W F^T: from the start q, W and F (m, n) go to q - W `impulse`, where
- * `impulse` is F^T times multipliers. W NULL: the unit matrix; F NULL: G at each point. Sets work->G at
- * the result. False: no convergence, or det G W F^T <= 0 at the result. */
+ * `impulse` is F^T times the multipliers. W NULL stands for the unit matrix, F NULL for G at each iterate.
+ * Sets work->G at the result. Returns false without convergence, or if det G W F^T <= 0 at the result. */
 bool lg_constraint_land(lg_constraint_work *work, const double *W, const double *F, double *q,
                         double *impulse);
 /* "q = (0.1, 0.2, ...)" for messages. */

@@ -19,7 +19,7 @@
 
 typedef struct step {
     uint32_t rows, N, k; /* states, numbers in z, constraints */
-    lg_var A, B;         /* (3 k, N); LG_NONE: unit matrices, as z has directions alone */
+    lg_var A, B;         /* (3 k, N); LG_NONE: they are unit matrices, because z has directions alone */
     lg_var d;            /* (1, k) */
     lg_var a, b;         /* at the start, (rows, k, 3) */
     lg_var free, W;      /* z + h W P (rows, N); (N, N) */

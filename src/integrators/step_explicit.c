@@ -22,7 +22,7 @@ static void step_combine(const lg_stepper *s, double h, const double *coefficien
 
 /* ---- Runge-Kutta-Munthe-Kaas and commutator-free ---- */
 
-/* Includes the commutators. */
+/* sigma of this row, with the commutators of the scheme. */
 static void step_exponent(lg_stepper *s, double h, int row) {
     const lg_scheme *scheme = s->scheme;
     const bool stage = row < scheme->stages;

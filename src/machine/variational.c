@@ -108,7 +108,7 @@ typedef struct momentum_map {
 static const momentum_map at_start = {lg_so3_dexpinv_rows, lg_se3_dexpinv_rows},
                           carried = {lg_so3_exp_rows, lg_se3_act_rows};
 
-/* Momenta p (B, momenta) with those of bodies mapped; those of lines and angles stay. */
+/* Maps the momenta p (B, momenta) of bodies, and leaves the momenta of lines and angles unchanged. */
 static lg_var each_momentum(lg_tape *tape, const motion *s, lg_var v, lg_var p, const momentum_map *map) {
     const lg_machine *machine = s->vars->machine;
     lg_var each[2 * LG_MACHINE_COORDINATES];

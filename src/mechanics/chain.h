@@ -56,7 +56,7 @@ extern const char *const lg_chain_invariants[];
 lg_status lg_chain_observe(const lg_system *system, const double *y, double *out, double *work);
 lg_status lg_chain_plane(const lg_system *system, lg_rng *rng, double *y);
 lg_status lg_chain_step(void *user, double t, double h, double *y);
-enum { CHAIN_WORK = 6 + 12 }; /* per link: v and g, then what lg_chain_gradient needs */
+enum { CHAIN_WORK = 6 + 12 }; /* numbers for each link: 6 for v and g, 12 that lg_chain_gradient needs */
 #define LG_CHAIN_MEMBERS                                                                                     \
     .name = "pendulum-chain", .parameters = lg_chain_parameters, .state = state,                             \
     .factor = {{LG_SPACE_TS2, 0}}, .constants = CHAIN_CONSTANTS, .prepare = lg_chain_prepare,                \

@@ -39,12 +39,12 @@ extern const lg_energy_row *const lg_energy_rows[];
 extern const lg_energy_row lg_energy_oscillator, lg_energy_quartic, lg_energy_coupled, lg_energy_attitude,
     lg_energy_top, lg_energy_chain, lg_energy_cart_pole, lg_energy_rotary, lg_energy_arm;
 
-/* The members `count` and `coordinates` of a row of two coordinates. */
+/* Sets the members `count` and `coordinates` of a row with two coordinates. */
 #define LG_TWO(first, second)                                                                                \
     2, {                                                                                                     \
         LG_COORDINATE_##first, LG_COORDINATE_##second                                                        \
     }
-/* Parameters first .. first + count - 1, (count), and parameter `place`, (1). */
+/* Record a slice (count) of at->parameters, from `first` on, or the one parameter `place`, (1). */
 lg_var lg_row_numbers(lg_tape *tape, const lg_at *at, uint32_t first, uint32_t count);
 lg_var lg_row_number(lg_tape *tape, const lg_at *at, uint32_t place);
 /* M = diag(parameters 0 .. n - 1). */
