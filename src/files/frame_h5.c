@@ -1,5 +1,6 @@
 /* The source of rows for HDF5 files. The columns are data sets of the root group, columns of matrices, and
  * members of records. */
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -12,6 +13,7 @@ typedef struct source {
     lg_h5_about about;
     uint32_t first, columns, axis; /* axis: the one along which the rows lie */
     bool matlab;                   /* MATLAB wrote it, with its dimensions in reverse order */
+    double fill;                   /* netCDF: the number that stands for a missing value; NaN: none */
 } source;
 
 enum { MOST_SOURCES = 4096 };
@@ -129,12 +131,12 @@ static const char *look(const h5_file *h, const char *name, source *s, lg_error 
     if (strlen(name) >= sizeof s->name) return "has a name of more than 63 bytes";
     if (lg_h5_look(h->h5, name, sizeof(double), &s->about, error) != LG_OK)
         return strrchr(error->message, ':') + 2;
+    if (lg_h5_number(h->h5, name, "_FillValue", LG_ELEMENT_F64, &s->fill, NULL) != LG_OK)
+        (void)lg_h5_number(h->h5, name, "missing_value", LG_ELEMENT_F64, &s->fill, NULL);
     if (s->about.rank < 1) return wanted ? "is a single number or text" : "";
     (void)lg_h5_text(h->h5, name, "MATLAB_class", class, sizeof class, NULL);
     if (strcmp(class, "char") == 0) return "is a char array of MATLAB: write numbers, or a list of texts";
     if (lg_h5_has_attribute(h->h5, name, "MATLAB_empty")) return "is empty";
-    if (lg_h5_has_attribute(h->h5, name, "scale_factor") || lg_h5_has_attribute(h->h5, name, "add_offset"))
-        return "is packed (scale_factor, add_offset): write the values themselves";
     if (lg_h5_is_vector(&s->about) || s->about.rank == 1 || s->about.count == 1) return NULL;
     if (s->about.rank > 2) return s->about.rank == 3 ? "has 3 dimensions" : "has 4 dimensions";
     return is_numbers(&s->about) ? NULL : "is a matrix, but not of numbers";
@@ -143,7 +145,7 @@ static const char *look(const h5_file *h, const char *name, source *s, lg_error 
 /* Adds the data set behind one link of the root. */
 static herr_t add_source(hid_t group, const char *name, const H5L_info_t *info, void *user) {
     h5_file *h = user;
-    source s = {.columns = 1};
+    source s = {.columns = 1, .fill = NAN};
     lg_error error = {LG_OK, ""};
     (void)snprintf(s.name, sizeof s.name, "%s", name);
     const char *why = look(h, name, &s, &error);
@@ -231,16 +233,27 @@ static lg_status put_text(void *user, uint64_t index, const char *text, lg_error
     return lg_frame_put_cell(f, (size_t)(index - f->before), s->first, text, true, error);
 }
 
+/* Whether a number, of type i, u or other as lg_frame_put_number takes it, stands for a missing value. */
+static bool is_fill(const source *s, char type, const double *number) {
+    int64_t whole;
+    memcpy(&whole, number, sizeof whole);
+    const double value = type == 'i' ? (double)whole : type == 'u' ? (double)(uint64_t)whole : *number;
+    return value == s->fill;
+}
+
 static lg_status put_numbers(lg_frame *f, const source *s, const double *values, size_t row, size_t rows,
                              lg_error *error) {
+    static const double missing = NAN;
     const lg_h5_about *about = &s->about;
     const char type = about->raw != 0 ? about->raw : about->kind == LG_H5_REAL && !about->wide ? 'f' : 'd';
     for (size_t i = 0; i < rows; i++)
         for (size_t c = 0; c < s->columns; c++) {
             const uint32_t column = s->first + (uint32_t)c;
             const double *value = &values[s->axis == 0 ? i * s->columns + c : c * rows + i];
+            const bool fill = is_fill(s, type, value);
             if (lg_frame_is_wanted(f, column))
-                LG_TRY(lg_frame_put_number(f, row + i, column, type, value, error));
+                LG_TRY(lg_frame_put_number(f, row + i, column, fill ? 'd' : type, fill ? &missing : value,
+                                           error));
         }
     return LG_OK;
 }

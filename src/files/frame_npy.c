@@ -70,7 +70,7 @@ static lg_status parse_type(const lg_frame *f, npy *n, lg_error *error) {
     const bool whole = (n->kind == 'i' || n->kind == 'u') &&
                        (n->bytes == 1 || n->bytes == 2 || n->bytes == 4 || n->bytes == 8);
     const bool real = n->kind == 'f' && (n->bytes == 4 || n->bytes == 8);
-    if (!records && at[4] == '\'' && (whole || real || (n->kind == 'b' && n->bytes == 1))) return LG_OK;
+    if (!records && strchr("<>=|", at[1]) != NULL && at[4] == '\'' && (whole || real || (n->kind == 'b' && n->bytes == 1))) return LG_OK;
     const size_t length = strcspn(at, records ? "]" : ",") + records;
     return lg_fail(error, LG_FORMAT, "%s: holds %s of type %.*s; %s", f->shown,
                    records ? "records" : "values", (int)(length < 80 ? length : 80), lg_tamed(at),
@@ -85,10 +85,10 @@ static lg_status parse_shape(const lg_frame *f, npy *n, lg_error *error) {
     char *shape = value_of(n, "'shape'");
     unsigned long long dims[2] = {0, 1};
     size_t rank = 0;
-    if (order == NULL || shape == NULL || *shape != '(')
-        return fail(f, "has no shape in its header: save it again with numpy.save", error);
+    n->fortran = order != NULL && strncmp(order, "True", 4) == 0;
+    if (order == NULL || (!n->fortran && strncmp(order, "False", 5) != 0) || shape == NULL || *shape != '(')
+        return fail(f, "has no order or no shape in its header: save it again with numpy.save", error);
     const size_t length = strcspn(shape, ")");
-    n->fortran = strncmp(order, "True", 4) == 0;
     for (char *at = shape + 1, *end = at; *at != ')' && *at != '\0'; at = end + strspn(end, ", ")) {
         const unsigned long long value = strtoull(at, &end, 10);
         if (*at < '0' || *at > '9' || rank == 2)

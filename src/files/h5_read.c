@@ -168,6 +168,9 @@ static lg_status open_set(lg_h5 *h5, const char *name, size_t bytes, lg_dataset 
         return lg_dataset_error(h5, name, "is not a data set; write an array under this name", error);
     if (!is_local(d->set))
         return lg_dataset_error(h5, name, "keeps its data in another file; write them into this one", error);
+    if (lg_attribute_exists(h5, name, "scale_factor") || lg_attribute_exists(h5, name, "add_offset"))
+        return lg_dataset_error(
+            h5, name, "is packed (scale_factor, add_offset); write the values themselves", error);
     d->type = H5Dget_type(d->set);
     return d->type >= 0 ? read_extent(h5, name, bytes, d, error)
                         : lg_dataset_error(h5, name, "has no type", error);

@@ -213,6 +213,30 @@ TEST("missing numbers are NaN in every format") {
     }
 }
 
+TEST("netCDF's fill values are missing numbers") {
+    const lg_read_options here = without_probe();
+    const hid_t stored[] = {H5T_STD_I32LE, H5T_STD_U64BE, H5T_STD_I64LE, H5T_IEEE_F32LE, H5T_IEEE_F64LE};
+    const short numbers[] = {98, 97};
+    const double fill = 98;
+    const char *path = scratch_path("fill.nc");
+    for (size_t i = 0; i < LG_COUNT(stored); i++) {
+        lg_frame_want want[] = {{.name = "x"}};
+        lg_frame f = new_frame(path, &here, want, 1);
+        lg_error error = {LG_OK, ""};
+        lg_status status;
+        hid_t file = H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT);
+        put_dataset(file, "x", stored[i], H5T_NATIVE_SHORT, 1, (hsize_t[]){2}, false, numbers);
+        assert_true(H5Fclose(file) >= 0);
+        replace_attribute(path, "x", i % 2 == 0 ? "_FillValue" : "missing_value", stored[i],
+                          H5T_NATIVE_DOUBLE, &fill);
+        while (lg_test_again(status = lg_frame_open(&f, &error))) lg_frame_close(&f);
+        assert_status(status, LG_OK);
+        assert_ok(lg_frame_next(&f, SIZE_MAX, &error));
+        assert_true(f.rows == 2 && isnan(f.value[0]) && f.value[1] == 97);
+        lg_frame_close(&f);
+    }
+}
+
 /* ---- data sets of HDF5 that do not fit ---- */
 
 static void write_sets(const char *path) {
@@ -353,12 +377,15 @@ TEST("a message about a bad file says what was found and what to do") {
         {NULL, 1, "chars",
          "the columns are: force, same; /chars is a char array of MATLAB: write numbers, or a list of texts"},
         {NULL, 1, "empty", "; /empty is empty"},
-        {NULL, 1, "packed", "; /packed is packed (scale_factor, add_offset): write the values themselves"},
+        {NULL, 1, "packed", "; /packed is packed (scale_factor, add_offset); write the values themselves"},
         {BYTES("n,t,x,y\n0,1,2,3\nx\",\"a,b,c,d\",y\"\n"), "y",
          "line 3: a cell has a quote inside: put the cell in quotes, and double this one"},
         {NPY("'<f2'"), "x",
          "values of type '<f2'; the types that can be read are f4, f8, i1 to i8, u1 to u8"},
         {NPY("'<f2'"), "x", "b1; convert with a.astype('f8')"},
+        {NPY("'xf8'"), "x", "values of type 'xf8'; the types"},
+        {BYTES("\x93NUMPY\1\0\x34\0{'descr': '<f8', 'fortran_order': 1, 'shape': (2,)}\n"), "x",
+         "has no order or no shape in its header: save it again with numpy.save"},
         {NPY("'<M8[ns]'"), "x", "values of type '<M8[ns]'; the types"},
         {NPY("[('t', '<f8'), ('x', '<f8')]"), "x",
          "records of type [('t', '<f8'), ('x', '<f8')]; save their"},

@@ -380,6 +380,13 @@ static void write_foreign(const char *path) {
     put_foreign(file, "large", H5T_STD_U64LE, H5T_NATIVE_UINT64, list, H5P_DEFAULT, large);
     put_foreign(file, "signs", H5T_STD_I64BE, H5T_NATIVE_INT64, list, H5P_DEFAULT, signs);
     put_foreign(file, "null", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, null, H5P_DEFAULT, NULL);
+    for (int i = 0; i < 2; i++) {
+        const char *name = i == 0 ? "scaled" : "offset";
+        put_foreign(file, name, H5T_STD_I64BE, H5T_NATIVE_INT64, list, H5P_DEFAULT, signs);
+        hid_t set = H5Dopen2(file, name, H5P_DEFAULT);
+        put_foreign_attribute(set, i == 0 ? "scale_factor" : "add_offset", H5T_NATIVE_DOUBLE, one, numbers);
+        assert_true(H5Dclose(set) >= 0);
+    }
     put_foreign(file, "deep", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, deep, H5P_DEFAULT, numbers);
     put_foreign(file, "both", both, both, list, H5P_DEFAULT, numbers);
     put_foreign(file, "long", variable, variable, list, H5P_DEFAULT, texts);
@@ -471,6 +478,8 @@ TEST("arrays that other programs wrote are read in every layout, or refused with
         {"virtual", DOUBLES, LG_FORMAT, "keeps its data in another file"},
         {"immense", DOUBLES, LG_FORMAT, "declares more data than the file can hold"},
         {"null", DOUBLES, LG_FORMAT, "has no shape"},
+        {"scaled", DOUBLES, LG_FORMAT, "is packed (scale_factor, add_offset); write the values themselves"},
+        {"offset", DOUBLES, LG_FORMAT, "is packed (scale_factor, add_offset); write the values themselves"},
         {"deep", DOUBLES, LG_FORMAT, "has rank 5, but at most 4 can be read"},
         {"both", DOUBLES, LG_FORMAT, "does not hold numbers"},
         {"both", WORDS, LG_FORMAT, "does not hold texts"},
