@@ -70,7 +70,9 @@ static lg_status parse_type(const lg_frame *f, npy *n, lg_error *error) {
     const bool whole = (n->kind == 'i' || n->kind == 'u') &&
                        (n->bytes == 1 || n->bytes == 2 || n->bytes == 4 || n->bytes == 8);
     const bool real = n->kind == 'f' && (n->bytes == 4 || n->bytes == 8);
-    if (!records && strchr("<>=|", at[1]) != NULL && at[4] == '\'' && (whole || real || (n->kind == 'b' && n->bytes == 1))) return LG_OK;
+    if (!records && strchr("<>=|", at[1]) != NULL && at[4] == '\'' &&
+        (whole || real || (n->kind == 'b' && n->bytes == 1)))
+        return LG_OK;
     const size_t length = strcspn(at, records ? "]" : ",") + records;
     return lg_fail(error, LG_FORMAT, "%s: holds %s of type %.*s; %s", f->shown,
                    records ? "records" : "values", (int)(length < 80 ? length : 80), lg_tamed(at),

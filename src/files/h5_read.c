@@ -59,8 +59,8 @@ static lg_status open_handle(const lg_context *context, const char *path, const 
     if (bytes == 0) return lg_fail(error, LG_FORMAT, "%s: is empty: write it again", lg_shown_path(path));
     if (h5->file < 0)
         return lg_fail(error, LG_FORMAT,
-                       "%s: is not an HDF5 file, or is cut short, damaged or still being written; write or "
-                       "copy it again",
+                       "%s: is not an HDF5 file: give one; if it should be one, it is cut short, damaged or "
+                       "still being written: write or copy it again",
                        lg_shown_path(path));
     return LG_MOVE(out, h5);
 }
@@ -169,8 +169,8 @@ static lg_status open_set(lg_h5 *h5, const char *name, size_t bytes, lg_dataset 
     if (!is_local(d->set))
         return lg_dataset_error(h5, name, "keeps its data in another file; write them into this one", error);
     if (lg_attribute_exists(h5, name, "scale_factor") || lg_attribute_exists(h5, name, "add_offset"))
-        return lg_dataset_error(
-            h5, name, "is packed (scale_factor, add_offset); write the values themselves", error);
+        return lg_dataset_error(h5, name, "is packed (scale_factor, add_offset); write the values themselves",
+                                error);
     d->type = H5Dget_type(d->set);
     return d->type >= 0 ? read_extent(h5, name, bytes, d, error)
                         : lg_dataset_error(h5, name, "has no type", error);
