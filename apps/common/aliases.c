@@ -4,6 +4,7 @@
 
 /* The first row that fits is used. */
 const app_alias app_aliases[] = {{"lg-anomaly", "method", "classifier", NULL},
+                                 {"lg-anomaly", "picture", "plot-kind", NULL},
                                  {"lg-simulate", "method", "scheme", NULL},
                                  {"lg-simulate", "methods", "schemes", NULL},
                                  {"lg-simulate", "starts", "members", NULL},
