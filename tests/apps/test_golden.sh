@@ -1,5 +1,5 @@
-# scripts/golden.txt has a command of every program and verb, but for the lines "# no row: PROGRAM VERB - reason"
-# (regular expressions), of the executable under its own name, of every word of the options below, system, kind of
+# scripts/golden.txt has a command of every program and verb, and one with --plot if it draws, but for the lines
+# "# no row: PROGRAM VERB - reason" (regular expressions), of the executable under its own name, of every word of the options below, system, kind of
 # coordinate, term, potential, hold and controller as the programs list them, and of every family of Hamiltonians.
 # ctest-labels: apps/ src/machine/ src/hamiltonian/ src/mechanics/ scripts/golden.txt
 # shellcheck disable=SC2086 # words are split on purpose
@@ -15,11 +15,16 @@ verbs() { "$LG_BIN_DIR/$1" --help | awk '/^Commands:/ { on = 1; next } on && /^$
 # need PATTERN WHAT: a row has the pattern.
 need() { grep -Eq -- "$1" <<<"$rows" || { echo "scripts/golden.txt: there is no row of $2"; status=1; }; }
 
+# draws COMMAND: a row of it draws a plot, if it can.
+draws() { "$LG_BIN_DIR/"$1 --help-all 2>&1 | grep -q -- ' --plot=' && need "(^|[ ;(])$1 .*--plot " "$1 --plot"; }
+
 for program in $(cd "$LG_BIN_DIR" && echo lg-*); do
     need "(^|[ ;(])$program " "$program"
+    draws "$program"
     for verb in $(verbs "$program"); do
         left=$(sed -nE 's/^# no row: (.*) - .+/\1/p' "$list" | while read -r pattern; do [[ "$program $verb" =~ ^$pattern$ ]] && echo out; done)
         [ -n "$left" ] || need "(^|[ ;(])$program $verb( |\$)" "$program $verb"
+        [ -n "$left" ] || draws "$program $verb"
     done
 done
 
