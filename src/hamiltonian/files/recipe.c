@@ -285,9 +285,10 @@ static lg_status draw_weights(lg_training *self, lg_error *error) {
 
 static lg_status warn_of_data(lg_training *self, const lg_hamiltonian_problem *problem, lg_error *error) {
     LG_TRY(lg_hamiltonian_warn_of_data(self->context, problem, self->paths[0]));
-    const lg_status status = lg_hamiltonian_warn_of_symmetry(self->context, problem);
+    lg_status status = lg_hamiltonian_warn_of_symmetry(self->context, problem);
     if (status != LG_OK) return lg_fail(error, status, "symmetry: %s", lg_status_sentence(status));
-    return lg_hamiltonian_warn_of_integral(self->context, problem, self->theta, error);
+    status = lg_hamiltonian_warn_of_integral(self->context, problem);
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", lg_status_sentence(status));
 }
 
 static lg_status make_problem(lg_training *self, lg_error *error) {
