@@ -61,16 +61,12 @@ static int check_finite(const app *self, const lg_trajectories *test, const verd
     return APP_EXIT_OK;
 }
 
-static void warn_of_systems(const app *self, const char *trained, const char *given) {
-    if (trained[0] != '\0' && given[0] != '\0' && strcmp(trained, given) != 0)
-        app_warn(self, "%s was trained on %s, but %s holds %s", self->arguments[0], trained,
-                 self->arguments[1], given);
-}
-
-static void warn_of_training_data(const app *self, const char *trained, const char *given) {
-    if (values.record && strcmp(trained, given) == 0)
-        app_warn(self, "--record: %s holds the data that %s was trained on", self->arguments[1],
-                 self->arguments[0]);
+static void warn_of_data(const app *self, const lg_hamiltonian_run *run, const lg_trajectories *test) {
+    const char *const *path = self->arguments;
+    if (run->system[0] != '\0' && test->system[0] != '\0' && strcmp(run->system, test->system) != 0)
+        app_warn(self, "%s was trained on %s, but %s holds %s", path[0], run->system, path[1], test->system);
+    if (values.record && strcmp(run->data_sha256, test->sha256) == 0)
+        app_warn(self, "--record: %s holds the data that %s was trained on", path[1], path[0]);
 }
 
 static void check_shape(const app *self, const lg_hamiltonian *model, const lg_trajectories *test) {
@@ -147,8 +143,7 @@ static void run(app *self) {
     if (file.constraint != NULL) reading.constraint = lg_constraint_program(file.constraint);
     APP_MUST_FILE(self, data, lg_trajectories_read(self->context, data, &reading, &test, &error));
     lg_warn_of_inputs(self->context, data, &test);
-    warn_of_systems(self, file.run.system, test.system);
-    warn_of_training_data(self, file.run.data_sha256, test.sha256);
+    warn_of_data(self, &file.run, &test);
     self->code = evaluate(self, &file, &test);
     lg_recipe_release(&lg_recipe_hamiltonian, &file);
 }

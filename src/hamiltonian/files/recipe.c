@@ -119,7 +119,7 @@ static lg_hamiltonian_problem problem_of(const lg_hamiltonian_run *run, const lg
                                     .substeps = run->substeps,
                                     .penalty = run->penalty,
                                     .penalty_form = run->penalty_form,
-                                    .penalty_integral = lg_penalty_named(run),
+                                    .penalty_integral = lg_first_integral_find(run->penalty_integral),
                                     .distance = run->distance,
                                     .starts = run->starts,
                                     .trajectories = data->count,
@@ -183,7 +183,7 @@ static lg_status load_integral(lg_training *self, lg_error *error) {
     lg_error why = {LG_OK, ""};
     release_integral(self);
     run->penalty_sha256[0] = '\0';
-    if (run->penalty == 0 || lg_penalty_named(run) != NULL) return LG_OK;
+    if (run->penalty == 0 || lg_first_integral_find(run->penalty_integral) != NULL) return LG_OK;
     LG_TRY(lg_penalty_load(self->context, run, &s->program, error));
     if (lg_first_integral_from(s->program, &run->model, run->penalty_integral, &s->integral, &why) != LG_OK)
         return lg_fail(error, LG_FORMAT, "%s: %.300s", run->penalty_integral, why.message);

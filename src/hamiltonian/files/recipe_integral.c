@@ -5,18 +5,13 @@
 #include "hamiltonian/files/recipe.h"
 #include "model/files/program_file.h"
 
-const lg_first_integral *lg_penalty_named(const lg_hamiltonian_run *run) {
-    return lg_first_integral_find(run->penalty_integral);
-}
-
 static lg_status hash_program(const lg_context *context, const lg_program *program, char *text) {
     lg_sha256 sum;
     lg_sha256_init(&sum);
     for (size_t i = 0; i < lg_program_functions(program); i++) {
-        LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
-        LG_TRY(lg_function_image_create(program, i, &image));
-        lg_sha256_add(&sum, image->name, strlen(image->name) + 1);
-        LG_TRY(lg_hash_image(context, image, &sum));
+        const char *name = lg_program_function_name(program, i);
+        lg_sha256_add(&sum, name, strlen(name) + 1);
+        LG_TRY(lg_hash_function(context, program, i, &sum));
     }
     for (size_t i = 0; i < lg_program_parameters(program); i++) {
         const lg_parameter_spec parameter = lg_program_parameter(program, i);
