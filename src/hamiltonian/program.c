@@ -95,13 +95,12 @@ static lg_status build(const lg_context *context, recording *r, const double *th
         functions[count++] = (lg_function_spec){"mass", &q, 1, &of_q[2], 1, mass, r};
     }
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_hamiltonian_parameters(model)), theta};
-    lg_program_spec spec;
-    lg_program_spec_init(&spec);
-    spec.parameters = &weights;
-    spec.parameter_count = 1;
-    spec.functions = functions;
-    spec.function_count = count;
-    spec.description = model->family->description;
+    const lg_program_spec spec = {.size = sizeof spec,
+                                  .parameters = &weights,
+                                  .parameter_count = 1,
+                                  .functions = functions,
+                                  .function_count = count,
+                                  .description = model->family->description};
     return lg_program_build(context, &spec, out, error);
 }
 

@@ -367,13 +367,13 @@ static lg_status build(const lg_context *context, recording *r, const double *th
         {"positions", in, 1, &logged[0], 1, positions, r},
     };
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)machine->parameters), theta};
-    lg_program_spec spec;
-    lg_program_spec_init(&spec);
-    spec.parameters = &weights;
-    spec.parameter_count = machine->parameters > 0 ? 1 : 0;
-    spec.functions = functions;
-    spec.function_count = LG_COUNT(functions);
-    spec.description = "a learned machine with inputs and damping, in the units of its log";
+    const lg_program_spec spec = {.size = sizeof spec,
+                                  .parameters = &weights,
+                                  .parameter_count = machine->parameters > 0 ? 1 : 0,
+                                  .functions = functions,
+                                  .function_count = LG_COUNT(functions),
+                                  .description =
+                                      "a learned machine with inputs and damping, in the units of its log"};
     return lg_program_build(context, &spec, out, error);
 }
 

@@ -11,10 +11,6 @@
 
 /* ---- the run ---- */
 
-static uint32_t hidden_layers(const lg_hamiltonian *model) {
-    return model->net.layers > 0 && model->net.layers <= LG_MLP_MAX_LAYERS ? model->net.layers - 1 : 0;
-}
-
 enum { SCALES = sizeof(lg_hamiltonian_scales) / sizeof(double) };
 _Static_assert(sizeof(lg_hamiltonian_scales) == SCALES * sizeof(double),
                "scales are numbers one after the other");
@@ -70,7 +66,7 @@ static lg_status make(void *user, lg_error *why) {
     if (run->scheme == NULL) run->scheme = lg_scheme_at(0);
     const lg_status status =
         lg_hamiltonian_init(model, read.family, read.n, read.potential, read.net.width + 1,
-                            hidden_layers(&read), read.net.activation);
+                            read.net.layers > 0 ? read.net.layers - 1 : 0, read.net.activation);
     if (status != LG_OK) return lg_fail(why, status, "/model: attributes links and hidden are out of range");
     if (!fit(&read.scales, model->family))
         return lg_fail(why, LG_INVALID_ARGUMENT, "/model: attribute scales is out of range");
