@@ -291,23 +291,20 @@ static void ambient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var
 
 /* ---- rows ---- */
 
-static bool is_one_of(const lg_system *system, const char *const *names) {
-    for (size_t i = 0; names[i] != NULL; i++)
-        if (strcmp(lg_system_name(system), names[i]) == 0) return true;
-    return false;
+static bool has_name(const lg_system *system, const char *name) {
+    return strcmp(lg_system_name(system), name) == 0;
 }
 
 /* Whether a state of the system has the parts R and pi only. */
 static bool learns_rotation(const lg_system *system, size_t *n) {
-    static const char *const names[] = {"heavy-top", "rigid-body-attitude", NULL};
     *n = 1;
-    return is_one_of(system, names) && lg_system_dim(system) == 12;
+    return (has_name(system, "heavy-top") || has_name(system, "rigid-body-attitude")) &&
+           lg_system_dim(system) == 12;
 }
 
 static bool learns_satellite(const lg_system *system, size_t *n) {
-    static const char *const names[] = {"satellite", NULL};
     *n = 1;
-    return is_one_of(system, names);
+    return has_name(system, "satellite");
 }
 
 #define ROTATION  "R^T R = I"

@@ -154,17 +154,13 @@ LG_RECIPE(hamiltonian, "checkpoint", LG_MADE(lg_hamiltonian_run, model.net), .it
 
 /* ---- recording errors in a model file ---- */
 
-/* The parameter x as a file of this type stores it. */
-static double stored_as(lg_dtype dtype, double x) {
-    return dtype == LG_F32 ? (double)(float)x : x;
-}
-
 static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged,
                               const lg_hamiltonian_file *stored, lg_error *error) {
     LG_TRY(lg_recipe_compare_runs(&lg_recipe_hamiltonian, &stored->run, &judged->run, h5->path, error));
+    const bool single = judged->run.training.dtype == LG_F32; /* as the file stores parameters */
     bool same = judged->parameters == stored->parameters;
     for (size_t i = 0; same && i < stored->parameters; i++)
-        same = stored->theta[i] == stored_as(judged->run.training.dtype, judged->theta[i]);
+        same = stored->theta[i] == (single ? (double)(float)judged->theta[i] : judged->theta[i]);
     return same ? LG_OK
                 : lg_fail(error, LG_INVALID_ARGUMENT,
                           "%s: the parameters in this file are not the parameters that were judged",

@@ -32,16 +32,14 @@ static lg_status read_data(lg_training *self, lg_error *error) {
     lg_read_options reading;
     lg_read_options_init(&reading);
     reading.project_starts = self->given(self, "initial-states") || self->resumed;
-    lg_program *constraint = NULL;
+    LG_CLEAN(lg_program_destroy_at) lg_program *constraint = NULL;
     const char *file = ((const lg_hamiltonian_state *)self->state)->constraint;
     if (file != NULL) LG_TRY(lg_program_load(self->context, file, NULL, &constraint, error));
     const lg_hamiltonian_file *model = self->file; /* evaluate: the constraint of the model */
     reading.constraint = constraint;
     if (constraint == NULL && model != NULL && model->constraint != NULL)
         reading.constraint = lg_constraint_program(model->constraint);
-    const lg_status status = lg_trajectories_read(self->context, path, &reading, data, error);
-    lg_program_destroy(constraint);
-    if (status != LG_OK) return status;
+    LG_TRY(lg_trajectories_read(self->context, path, &reading, data, error));
     if (data->starts_off > 1e-6 && run->starts == LG_START_MEASURED)
         LG_WARN(self,
                 "%s: the first points were off the manifold by up to %.2g and are projected onto it; if they "

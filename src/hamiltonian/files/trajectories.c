@@ -49,6 +49,7 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system,
     size_t known_n;
     const lg_hamiltonian_family *known = lg_family_of(system, &known_n);
     if (known != NULL && (known != family || (known_n != 0 && known_n != n))) return LG_INVALID_ARGUMENT;
+    LG_CLEAN(lg_trajectories_destroy)
     lg_trajectories made = {.family = family,
                             .n = n,
                             .count = count,
@@ -63,13 +64,10 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system,
     if (with_hamiltonian) made.hamiltonian = lg_alloc(context, count, sizeof(double));
     if (input_dim > 0) made.inputs = array3(context, count, points - 1, input_dim);
     if (made.t == NULL || made.data == NULL || (with_hamiltonian && made.hamiltonian == NULL) ||
-        (input_dim > 0 && made.inputs == NULL)) {
-        lg_trajectories_destroy(&made);
+        (input_dim > 0 && made.inputs == NULL))
         return LG_OUT_OF_MEMORY;
-    }
     for (size_t j = 0; j < points; j++) made.t[j] = t_end * ((double)j / (double)(points - 1));
-    *out = made;
-    return LG_OK;
+    return LG_GIVE(out, made);
 }
 
 lg_status lg_trajectories_set_constraint(lg_trajectories *data, const lg_program *program, lg_error *error) {
