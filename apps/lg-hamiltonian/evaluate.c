@@ -1,4 +1,4 @@
-/* lg-hamiltonian evaluate: the errors E1 and E2 of a model on test trajectories, and the plot of trajectories. */
+/* lg-hamiltonian evaluate: the errors E1 and E2 of a model on test trajectories. The plot of trajectories. */
 #include "common/verbs.h"
 #include "hamiltonian/learned.h"
 #include "lg-hamiltonian/training.h"

@@ -49,8 +49,8 @@ static lg_status compute(const lg_context *context, const lg_hamiltonian_problem
     for (size_t i = 0; i < problem->trajectories; i++) {
         lg_var y[LG_HAMILTONIAN_MAX_PARTS];
         lg_tape_reset(tape);
-        (void)lg_taped_split(tape, &space, lg_input(tape, lg_shape2(rows, d), problem->data + i * rows * d),
-                             y);
+        const lg_var x = lg_input(tape, lg_shape2(rows, d), problem->data + i * rows * d);
+        LG_TRY(lg_taped_split(tape, &space, x, y));
         const lg_var values = record(tape, problem, y);
         LG_TRY(lg_tape_status(tape));
         *k = lg_var_shape(tape, values).dims[1];

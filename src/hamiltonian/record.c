@@ -142,8 +142,8 @@ lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_var
     return lg_reshape(tape, gradient, lg_var_shape(tape, x));
 }
 
-/* The shape of the input is checked here, because a wrong width could broadcast. */
-lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part) {
+/* The input in the shape of `part`. Its shape is checked here, because a wrong width could broadcast. */
+static lg_var input_like(lg_tape *tape, lg_var input, lg_var part) {
     const lg_shape shape = lg_var_shape(tape, part), given = lg_var_shape(tape, input);
     if (given.rank != 2 || given.dims[0] != shape.dims[0] ||
         given.dims[1] != lg_hamiltonian_width(tape, part))
@@ -153,7 +153,7 @@ lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part) {
 }
 
 static lg_var pushed(lg_tape *tape, lg_var force, lg_var input) {
-    return lg_is_none(input) ? force : lg_add(tape, force, lg_hamiltonian_input_like(tape, input, force));
+    return lg_is_none(input) ? force : lg_add(tape, force, input_like(tape, input, force));
 }
 
 static lg_var force_inside(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input) {
@@ -185,20 +185,19 @@ static void gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const
         out[i] = lg_hamiltonian_scaled(tape, out[i], energy / model->scales.part[i]);
 }
 
-/* Without a constraint: the brackets of all pairs of parts, with the numbers of the input that belong to each.
- * The operations stand in the order in which saved models have them. */
+/* Without a constraint: the brackets of all pairs of parts, with the numbers of the input that belong to
+ * each. The operations stand in the order in which saved models have them. */
 void lg_hamiltonian_record_algebra(lg_tape *tape, const lg_hamiltonian *model, double unit, const lg_var *y,
                                    const lg_var *dH, lg_var input, lg_var *out) {
     const lg_hamiltonian_family *family = model->family;
     const bool driven = !lg_is_none(input), bodies = family->bodies.rotations + family->bodies.directions > 0;
     uint32_t from = 0;
     if (model->constraint != NULL) {
-        const lg_var force = driven ? lg_hamiltonian_input_like(tape, input, y[1]) : input;
+        const lg_var force = driven ? input_like(tape, input, y[1]) : input;
         lg_constraint_record_field(tape, model->constraint, unit, y, dH, force, out);
         return;
     }
-    if (bodies && driven)
-        input = lg_hamiltonian_input_like(tape, input, lg_hamiltonian_joined(tape, family, y, 1));
+    if (bodies && driven) input = input_like(tape, input, lg_hamiltonian_joined(tape, family, y, 1));
     for (size_t i = 0; family->layout[i] != NULL; i += 2) {
         if (!bodies) out[i] = lg_bracket_rate(tape, y + i, dH + i);
         const lg_var change = lg_bracket_change(tape, y + i, dH + i);

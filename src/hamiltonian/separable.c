@@ -1,13 +1,13 @@
-/* Families on R^2n, with parts q and p (B, n). "separable": H = 1/2 |A p|^2 + V(q). "constrained": H = 1/2 p.v +
- * V(q) on T*Q, Q = {q: g(q) = 0} with g from the user's program; liegrad/constraint.h has the formulas. Without
- * a constraint v = M^-1 p. */
+/* Families on R^2n, with parts q and p (B, n).
+ *   "separable"    H = 1/2 |A p|^2 + V(q)
+ *   "constrained"  H = 1/2 p.v + V(q) on T*Q, Q = {q: g(q) = 0} with g from the user's program;
+ *                  liegrad/constraint.h has the formulas. Without a constraint v = M^-1 p. */
 #include "liegrad/ops.h"
 #include "hamiltonian/constraint.h"
 #include "hamiltonian/internal.h"
 
-enum {
-    K
-}; /* vars->kinetic[K] (n, n): A^T A, or its mean over rotations; of constrained systems M^-1 (1, n, n) */
+/* vars->kinetic[K]: A^T A (n, n), or its mean over rotations; of constrained systems M^-1 (1, n, n). */
+enum { K };
 
 /* H with the velocities v. */
 static lg_var energy_of(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var v) {
