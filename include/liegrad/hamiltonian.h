@@ -120,7 +120,7 @@ typedef struct lg_hamiltonian_vars {
  *
  * A family describes one kind of learned Hamiltonian. Training, evaluation, files and exported C use this
  * description. lg_hamiltonian_init also takes a family of the caller, but files refer to the families of
- * the table (src/hamiltonian/hamiltonian.c) by name. In the functions below, y, gradients and algebra
+ * the table (src/hamiltonian/families.c) by name. In the functions below, y, gradients and algebra
  * elements are arrays of the space's parts (liegrad/taped.h), in scaled units. The functions record on
  * `tape`, and their errors stick to it. The field of each pair of parts follows from dH/dy: on R^n
  * x' = dH/dp, p' = -dH/dx; on T*S^2 as in a chain; on T*SO(3) R' = hat(omega) R and

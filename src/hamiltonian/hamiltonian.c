@@ -1,35 +1,9 @@
-/* Learned Hamiltonians: the table of families, description and initialisation of a model. */
+/* Learned Hamiltonians: description and initialisation. */
 #include <math.h>
-#include <string.h>
 
 #include "core/core.h"
 #include "hamiltonian/internal.h"
 #include "liegrad/geometry.h"
-
-#define ROW(name) &lg_hamiltonian_##name,
-static const lg_hamiltonian_family *const families[] = {LG_HAMILTONIAN_FAMILIES(ROW)};
-
-size_t lg_hamiltonian_family_count(void) {
-    return LG_COUNT(families);
-}
-
-const lg_hamiltonian_family *lg_hamiltonian_family_at(size_t index) {
-    return index < LG_COUNT(families) ? families[index] : NULL;
-}
-
-const lg_hamiltonian_family *lg_hamiltonian_family_find(const char *name) {
-    for (size_t i = 0; i < LG_COUNT(families); i++)
-        if (strcmp(families[i]->name, name) == 0) return families[i];
-    return NULL;
-}
-
-const lg_hamiltonian_family *lg_hamiltonian_family_for(const lg_system *system, size_t *n) {
-    for (size_t i = 0; i < LG_COUNT(families); i++)
-        if (families[i]->learns != NULL && families[i]->learns(system, n)) return families[i];
-    return NULL;
-}
-
-/* ---- states ---- */
 
 lg_status lg_hamiltonian_space(const lg_hamiltonian_family *family, uint32_t n, lg_space *space) {
     LG_NEEDS(NULL, family, space);
@@ -65,8 +39,6 @@ double lg_hamiltonian_off_manifold(const lg_hamiltonian_family *family, uint32_t
     }
     return most;
 }
-
-/* ---- models ---- */
 
 lg_status lg_hamiltonian_init(lg_hamiltonian *model, const lg_hamiltonian_family *family, uint32_t n,
                               lg_potential_kind potential, const uint32_t *hidden, uint32_t hidden_layers,
