@@ -307,8 +307,9 @@ static bool learns_satellite(const lg_system *system, size_t *n) {
     return has_name(system, "satellite");
 }
 
-#define ROTATION  "R^T R = I"
-#define DIRECTION "|q| = 1 and q.p = 0"
+#define ROTATION       "R^T R = I"
+#define DIRECTION      "|q| = 1 and q.p = 0"
+#define MANIFOLD(c, k) ((k) == 0 ? ROTATION : (c) == 0 ? DIRECTION : ROTATION ", " DIRECTION)
 
 /* What follows from the numbers of rotations, directions and lines of one copy. */
 #define BODIES(c, k, l)                                                                                      \
@@ -319,10 +320,7 @@ static bool learns_satellite(const lg_system *system, size_t *n) {
                {"mass/b", 1, 3 * (c) + (k) + (l)},                                                           \
                {"mass/axis", (l) > 0 ? 1 : 0, 3 * (l)}},                                                     \
     .usable = lg_hamiltonian_usable_mass, .bind = bind, .energy = energy, .gradient = gradient,              \
-    .ambient = ambient,                                                                                      \
-    .manifold = (k) == 0   ? ROTATION                                                                        \
-                : (c) == 0 ? DIRECTION                                                                       \
-                           : ROTATION ", " DIRECTION
+    .ambient = ambient, .manifold = MANIFOLD(c, k)
 
 const lg_hamiltonian_family lg_hamiltonian_rotation = {
     .name = "rotation",

@@ -177,7 +177,8 @@ typedef struct shard {
 static lg_status run(lg_tape *tape, const lg_hamiltonian_problem *problem, lg_var theta,
                      const uint32_t *samples, size_t count, shard *s) {
     LG_TRY(begin(tape, problem, theta, samples, count, &s->vars, &s->space, s->y));
-    s->parts = lg_taped_parts(&s->space), s->first = first_point(problem);
+    s->parts = lg_taped_parts(&s->space);
+    s->first = first_point(problem);
     s->used = problem->points - s->first;
     LG_TRY(predict(tape, problem, &s->vars, problem->substeps, s->y, s->y + s->parts));
     return given_points(tape, problem, &s->space, samples, count, s->first, problem->points - 1, s->given);
