@@ -1,4 +1,4 @@
-/* lg-hamiltonian evaluate: the errors E1 and E2 of a model on test trajectories. */
+/* lg-hamiltonian evaluate: the errors E1 and E2 of a model on test trajectories. The plot of trajectories. */
 #include "common/verbs.h"
 #include "hamiltonian/learned.h"
 #include "lg-hamiltonian/training.h"
@@ -61,16 +61,12 @@ static int check_finite(const app *self, const lg_trajectories *test, const verd
     return APP_EXIT_OK;
 }
 
-static void warn_of_systems(const app *self, const char *trained, const char *given) {
-    if (trained[0] != '\0' && given[0] != '\0' && strcmp(trained, given) != 0)
-        app_warn(self, "%s was trained on %s, but %s holds %s", self->arguments[0], trained,
-                 self->arguments[1], given);
-}
-
-static void warn_of_training_data(const app *self, const char *trained, const char *given) {
-    if (values.record && strcmp(trained, given) == 0)
-        app_warn(self, "--record: %s holds the data that %s was trained on", self->arguments[1],
-                 self->arguments[0]);
+static void warn_of_data(const app *self, const lg_hamiltonian_run *run, const lg_trajectories *test) {
+    const char *const *path = self->arguments;
+    if (run->system[0] != '\0' && test->system[0] != '\0' && strcmp(run->system, test->system) != 0)
+        app_warn(self, "%s was trained on %s, but %s holds %s", path[0], run->system, path[1], test->system);
+    if (values.record && strcmp(run->data_sha256, test->sha256) == 0)
+        app_warn(self, "--record: %s holds the data that %s was trained on", path[1], path[0]);
 }
 
 static void check_shape(const app *self, const lg_hamiltonian *model, const lg_trajectories *test) {
@@ -147,10 +143,27 @@ static void run(app *self) {
     if (file.constraint != NULL) reading.constraint = lg_constraint_program(file.constraint);
     APP_MUST_FILE(self, data, lg_trajectories_read(self->context, data, &reading, &test, &error));
     lg_warn_of_inputs(self->context, data, &test);
-    warn_of_systems(self, file.run.system, test.system);
-    warn_of_training_data(self, file.run.data_sha256, test.sha256);
+    warn_of_data(self, &file.run, &test);
     self->code = evaluate(self, &file, &test);
     lg_recipe_release(&lg_recipe_hamiltonian, &file);
+}
+
+/* ---- the plot ---- */
+
+/* Writes a block for each trajectory, the true ones first: the state, and the time. */
+void put_flow(app_plot *plot, const void *drawn) {
+    const drawn_flow *of = drawn;
+    const uint32_t dim = lg_hamiltonian_state_dim(of->model);
+    const bool chain = of->model->family->factor[0] == LG_SPACE_TS2;
+    if (chain) plot->script = "spheres";
+    app_plot_text(plot, "%s\t%u\t%zu\t%zu", of->title, chain ? of->model->n : dim,
+                  of->truth != NULL ? of->n : 0, of->n);
+    for (size_t i = of->truth != NULL ? 0 : of->n; i < 2 * of->n; i++) {
+        const double *y =
+            i < of->n ? of->truth + i * of->points * dim : of->predicted + (i - of->n) * of->points * dim;
+        APP_PLOT_COLUMNS(plot, 9, of->points, {y, dim, dim}, {of->t, 1, 1});
+        app_plot_block(plot);
+    }
 }
 
 const app_command hamiltonian_evaluate_command = {

@@ -70,7 +70,7 @@ static void set_axes(const lg_grid *grid, study_table *table) {
 /* Loads the file of the penalty's first integral once, for its hash. */
 static void read_integral(const app *self, const char *path, lg_hamiltonian_run *run) {
     lg_program *program = NULL;
-    if (lg_penalty_named(run) != NULL) return;
+    if (lg_first_integral_find(run->penalty_integral) != NULL) return;
     APP_MUST_FILE(self, path, lg_penalty_load(self->context, run, &program, &error));
     lg_program_destroy(program);
 }

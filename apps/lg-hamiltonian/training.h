@@ -52,7 +52,7 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
  * Errors as of lg_system_observe. */
 lg_status judge_relative(const lg_trajectories *test, const double *predicted, verdict *out, lg_error *error);
 
-/* ---- drawing (plots.c) ---- */
+/* ---- drawing (evaluate.c) ---- */
 
 /* Trajectories: true (may be NULL) and predicted ones, both (n, points, d), at times t (points). Chains: each
  * link on a sphere. One degree of freedom: the phase portrait, and q and p against t. Otherwise: q_2 against

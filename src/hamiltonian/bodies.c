@@ -141,10 +141,6 @@ static lg_var inverse_at_unit(lg_tape *tape, const lg_hamiltonian_vars *vars, co
     return lg_reshape(tape, inverse, lg_shape2(c->rates, c->rates));
 }
 
-static bool usable(const lg_hamiltonian_family *family, uint32_t n, const double *arrays) {
-    return lg_hamiltonian_gram_usable(counts_of(family, n).vectors, arrays);
-}
-
 static void bind(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars) {
     const counts c = counts_of(vars->model->family, vars->model->n);
     lg_var m = lg_hamiltonian_record_gram(tape, c.vectors, arrays[0], arrays[1]);
@@ -295,43 +291,42 @@ static void ambient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var
 
 /* ---- rows ---- */
 
-static bool is_one_of(const lg_system *system, const char *const *names) {
-    for (size_t i = 0; names[i] != NULL; i++)
-        if (strcmp(lg_system_name(system), names[i]) == 0) return true;
-    return false;
+static bool has_name(const lg_system *system, const char *name) {
+    return strcmp(lg_system_name(system), name) == 0;
 }
 
 /* Whether a state of the system has the parts R and pi only. */
 static bool learns_rotation(const lg_system *system, size_t *n) {
-    static const char *const names[] = {"heavy-top", "rigid-body-attitude", NULL};
     *n = 1;
-    return is_one_of(system, names) && lg_system_dim(system) == 12;
+    return (has_name(system, "heavy-top") || has_name(system, "rigid-body-attitude")) &&
+           lg_system_dim(system) == 12;
 }
 
 static bool learns_satellite(const lg_system *system, size_t *n) {
-    static const char *const names[] = {"satellite", NULL};
     *n = 1;
-    return is_one_of(system, names);
+    return has_name(system, "satellite");
 }
 
-#define SHARED(c, k, l)                                                                                      \
-    .bodies = {c, k, l}, .most = 1, .inputs = 9 * (c) + 3 * (k) + (l), .forces = 3 * (c) + 3 * (k) + (l),    \
-    .energy_unit = "J", .scheme = "rkmk5", .accurate = "rkmk54",                                             \
+#define ROTATION       "R^T R = I"
+#define DIRECTION      "|q| = 1 and q.p = 0"
+#define MANIFOLD(c, k) ((k) == 0 ? ROTATION : (c) == 0 ? DIRECTION : ROTATION ", " DIRECTION)
+
+/* What follows from the numbers of rotations, directions and lines of one copy. */
+#define BODIES(c, k, l)                                                                                      \
+    .copy = (c) > 0 ? "body" : "pendulum", .bodies = {c, k, l}, .most = 1,                                   \
+    .factors = 2 * (c) + (k) + ((l) > 0 ? 2 : 0), .inputs = 9 * (c) + 3 * (k) + (l),                         \
+    .forces = 3 * (c) + 3 * (k) + (l), .energy_unit = "J", .scheme = "rkmk5", .accurate = "rkmk54",          \
     .arrays = {{"mass/gamma", 2, 3 * (c) + (k) + (l)},                                                       \
                {"mass/b", 1, 3 * (c) + (k) + (l)},                                                           \
                {"mass/axis", (l) > 0 ? 1 : 0, 3 * (l)}},                                                     \
-    .usable = usable, .bind = bind, .energy = energy, .gradient = gradient, .ambient = ambient
-
-#define ROTATION  "R^T R = I"
-#define DIRECTION "|q| = 1 and q.p = 0"
+    .usable = lg_hamiltonian_usable_mass, .bind = bind, .energy = energy, .gradient = gradient,              \
+    .ambient = ambient, .manifold = MANIFOLD(c, k)
 
 const lg_hamiltonian_family lg_hamiltonian_rotation = {
     .name = "rotation",
     .description = "learned Hamiltonian of bodies that turn about fixed points",
-    .copy = "body",
     .factor = {LG_SPACE_SO3, LG_SPACE_RN},
     .each = {1, 3},
-    .factors = 2,
     .scaled = {false, true},
     .layout = {"R", "pi"},
     .state_units = "R: 1, pi: kg m^2/s",
@@ -339,16 +334,13 @@ const lg_hamiltonian_family lg_hamiltonian_rotation = {
     .input_meaning = "torques in space",
     .field_meaning = "omega in space, then pi': R' = hat(omega) R",
     .learns = learns_rotation,
-    .manifold = ROTATION,
-    SHARED(1, 0, 0)};
+    BODIES(1, 0, 0)};
 
 const lg_hamiltonian_family lg_hamiltonian_rotation_direction = {
     .name = "rotation-direction",
     .description = "learned Hamiltonian of a body with a pendulum",
-    .copy = "body",
     .factor = {LG_SPACE_SO3, LG_SPACE_RN, LG_SPACE_TS2},
     .each = {1, 3, 1},
-    .factors = 3,
     .scaled = {false, true, false, true},
     .layout = {"R", "pi", "q", "p"},
     .state_units = "R, q: 1, pi, p: kg m^2/s",
@@ -356,69 +348,56 @@ const lg_hamiltonian_family lg_hamiltonian_rotation_direction = {
     .input_meaning = "torques in space: on the body, then on the direction about its pivot",
     .field_meaning = "omega, pi' of the body, then (xi, eta) of the direction as in a chain",
     .learns = learns_satellite,
-    .manifold = ROTATION ", " DIRECTION,
-    SHARED(1, 1, 0)};
+    BODIES(1, 1, 0)};
 
 const lg_hamiltonian_family lg_hamiltonian_rotation_line = {
     .name = "rotation-line",
     .description = "learned Hamiltonian of a body with a coordinate",
-    .copy = "body",
     .factor = {LG_SPACE_SO3, LG_SPACE_RN, LG_SPACE_RN, LG_SPACE_RN},
     .each = {1, 3, 1, 1},
-    .factors = 4,
     .scaled = {false, true, true, true},
     .layout = {"R", "pi", "x", "px"},
     .state_units = "R: 1, pi: kg m^2/s, x: m, px: kg m/s",
     .formula = "1/2 p.M(R)^-1 p + V(R,x) on T*(SO(3) x R)",
     .input_meaning = "torques in space, then the force along x",
     .field_meaning = "omega, pi', x', px'",
-    .manifold = ROTATION,
-    SHARED(1, 0, 1)};
+    BODIES(1, 0, 1)};
 
 const lg_hamiltonian_family lg_hamiltonian_pose = {
     .name = "pose",
     .description = "learned Hamiltonian of a free body",
-    .copy = "body",
     .factor = {LG_SPACE_SO3, LG_SPACE_RN, LG_SPACE_RN, LG_SPACE_RN},
     .each = {1, 3, 3, 3},
-    .factors = 4,
     .scaled = {false, true, true, true},
     .layout = {"R", "pi", "x", "px"},
     .state_units = "R: 1, pi: kg m^2/s, x: m, px: kg m/s",
     .formula = "1/2 p.M(R)^-1 p + V(R,x) on T*SE(3)",
     .input_meaning = "torques in space about x, then forces in space",
     .field_meaning = "omega, pi', x', px'",
-    .manifold = ROTATION,
-    SHARED(1, 0, 3)};
+    BODIES(1, 0, 3)};
 
 const lg_hamiltonian_family lg_hamiltonian_pose_direction = {
     .name = "pose-direction",
     .description = "learned Hamiltonian of a free body with a pendulum",
-    .copy = "body",
     .factor = {LG_SPACE_SO3, LG_SPACE_RN, LG_SPACE_TS2, LG_SPACE_RN, LG_SPACE_RN},
     .each = {1, 3, 1, 3, 3},
-    .factors = 5,
     .scaled = {false, true, false, true, true, true},
     .layout = {"R", "pi", "q", "p", "x", "px"},
     .state_units = "R, q: 1, pi, p: kg m^2/s, x: m, px: kg m/s",
     .formula = "1/2 p.M(R,q)^-1 p + V(R,q,x) on T*(SE(3) x S^2)",
     .input_meaning = "torques in space: on the body, on the direction; then forces in space",
     .field_meaning = "omega, pi', then (xi, eta) of the direction as in a chain, then x', px'",
-    .manifold = ROTATION ", " DIRECTION,
-    SHARED(1, 1, 3)};
+    BODIES(1, 1, 3)};
 
 const lg_hamiltonian_family lg_hamiltonian_direction_line = {
     .name = "direction-line",
     .description = "learned Hamiltonian of a cart with a spherical pendulum",
-    .copy = "pendulum",
     .factor = {LG_SPACE_TS2, LG_SPACE_RN, LG_SPACE_RN},
     .each = {1, 1, 1},
-    .factors = 3,
     .scaled = {false, true, true, true},
     .layout = {"q", "p", "x", "px"},
     .state_units = "q: 1, p: kg m^2/s, x: m, px: kg m/s",
     .formula = "1/2 p.M(q)^-1 p + V(q,x) on T*(S^2 x R)",
     .input_meaning = "the torque in space on the direction about its pivot, then the force along x",
     .field_meaning = "(xi, eta) of the direction as in a chain, then x', px'",
-    .manifold = DIRECTION,
-    SHARED(0, 1, 1)};
+    BODIES(0, 1, 1)};

@@ -10,10 +10,6 @@ enum {
     M
 }; /* vars->kinetic: m^-1 (1, n, n), NaN unless m is positive definite; 1/m_ii (1, n, 1); m (1, n, n) */
 
-bool lg_hamiltonian_usable_mass(const lg_hamiltonian_family *family, uint32_t n, const double *arrays) {
-    return lg_hamiltonian_gram_usable(n, arrays);
-}
-
 lg_status lg_hamiltonian_mass(const lg_hamiltonian *model, const double *theta, double *m) {
     LG_NEEDS(NULL, model, theta, m);
     if (model->family->bind != lg_hamiltonian_bind_mass) return LG_UNSUPPORTED;

@@ -62,8 +62,7 @@ typedef struct measuring {
     const lg_hamiltonian_problem *problem;
     double unit[6 * LG_HAMILTONIAN_MAX_COPIES]; /* scale of each number of a state, for S */
     lg_model *model;
-    void *work;         /* work memory of energy() */
-    void *flow;         /* work memory of the model in `steps` */
+    void *work;         /* work memory of the model */
     lg_model_user user; /* the model as an equation, for `steps` */
     lg_stepper *steps;  /* stepper of the training scheme; NULL: there is none for this model */
     double *predicted;  /* (points, d): the scheme's run; the next three follow it in the same block */
@@ -116,10 +115,6 @@ static course follow(const measuring *m, const double *first, size_t points) {
     return out;
 }
 
-static bool is_finite(const course *c) {
-    return isfinite(c->begin) && isfinite(c->x) && isfinite(c->y);
-}
-
 /* Measures all different trajectories. If there are three points or more, the first one is skipped: often it
  * alone has no noise, and noise raises the energies of the other points. */
 static size_t follow_all(const measuring *m, course *out) {
@@ -127,7 +122,7 @@ static size_t follow_all(const measuring *m, course *out) {
     size_t count = 0;
     for (size_t i = 0; i < m->differ; i++) {
         out[count] = follow(m, m->problem->data + (m->different[i] * points + skipped) * d, points - skipped);
-        count += is_finite(&out[count]);
+        count += isfinite(out[count].begin) && isfinite(out[count].x) && isfinite(out[count].y);
     }
     return count;
 }
@@ -142,19 +137,17 @@ static void number_units(const lg_hamiltonian_problem *problem, double *unit) {
 static void measuring_end(measuring *m) {
     lg_stepper_destroy(m->steps);
     lg_model_destroy(m->model);
-    LG_FREE_ALL(m->context, m->work, m->flow, m->predicted, m->courses, m->different);
+    LG_FREE_ALL(m->context, m->work, m->predicted, m->courses, m->different);
 }
 
 static lg_status make_arrays(measuring *m) {
     const lg_context *context = m->context;
     const size_t d = lg_model_inputs(m->model), points = m->problem->points, all = m->problem->trajectories;
     m->work = lg_alloc(context, 1, lg_model_work_size(m->model));
-    m->flow = lg_alloc(context, 1, lg_model_work_size(m->model));
     m->predicted = lg_alloc(context, points * (d + 2) + 2 * d, sizeof(double));
     m->courses = lg_alloc(context, all, sizeof(course));
     m->different = lg_alloc(context, all, sizeof(size_t));
-    if (m->work == NULL || m->flow == NULL || m->predicted == NULL || m->courses == NULL ||
-        m->different == NULL)
+    if (m->work == NULL || m->predicted == NULL || m->courses == NULL || m->different == NULL)
         return LG_OUT_OF_MEMORY;
     m->way = m->predicted + points * d, m->gain = m->way + points, m->error = m->gain + points;
     return LG_OK;
@@ -169,7 +162,7 @@ static lg_status measuring_begin(const lg_context *context, const lg_hamiltonian
     LG_TRY(lg_hamiltonian_different(context, problem, m->different, &m->differ));
     number_units(problem, m->unit);
     lg_ode ode;
-    if (lg_model_ode(m->model, &ode, &m->user, m->flow) != LG_OK) return LG_OK;
+    if (lg_model_ode(m->model, &ode, &m->user, m->work) != LG_OK) return LG_OK;
     const lg_status status = lg_stepper_create(context, problem->scheme, &ode, &m->steps);
     return status == LG_OUT_OF_MEMORY ? lg_fail(error, status, "no memory for a stepper") : LG_OK;
 }

@@ -25,13 +25,15 @@ static lg_var flat(lg_tape *tape, lg_var x) {
     return lg_reshape(tape, x, lg_shape2(shape.dims[0], shape.dims[1]));
 }
 
-/* The normals at q: G (B, m, n), the rows of G divided by their lengths `length` (B, m, 1). */
+/* The normals at q: G (B, m, n), the rows of G divided by their lengths `length` (B, m, 1); LG_NONE without
+ * constraints. */
 typedef struct normals {
     lg_var whole, G, length;
 } normals;
 
 static normals normals_at(lg_tape *tape, const lg_constraint *c, double unit, lg_var q) {
     normals made = {LG_NONE, LG_NONE, LG_NONE};
+    if (c == NULL) return made;
     const lg_var x = unit == 1.0 ? q : lg_scale(tape, q, unit);
     if (lg_program_record(tape, c->program, c->jacobian, NULL, &x, &made.whole) != LG_OK) return made;
     made.length = lg_sqrt(tape, lg_rownorm2(tape, made.whole));
@@ -60,20 +62,16 @@ static lg_var velocity_of(lg_tape *tape, lg_var G, lg_var inverse_mass, lg_var p
 lg_var lg_constraint_record_velocity(lg_tape *tape, const lg_constraint *constraint, double unit,
                                      lg_var inverse_mass, lg_var q, lg_var p) {
     lg_var lambda;
-    const lg_var G = constraint != NULL ? normals_at(tape, constraint, unit, q).G : LG_NONE;
-    return velocity_of(tape, G, inverse_mass, p, &lambda);
+    return velocity_of(tape, normals_at(tape, constraint, unit, q).G, inverse_mass, p, &lambda);
 }
 
 void lg_constraint_record_gradient(lg_tape *tape, const lg_constraint *constraint, double unit,
                                    lg_var inverse_mass, lg_var q, lg_var p, lg_var slope, lg_var *dH) {
     lg_var lambda;
-    if (constraint == NULL) {
-        dH[0] = slope;
-        dH[1] = velocity_of(tape, LG_NONE, inverse_mass, p, &lambda);
-        return;
-    }
     const normals at = normals_at(tape, constraint, unit, q);
+    dH[0] = slope;
     dH[1] = velocity_of(tape, at.G, inverse_mass, p, &lambda);
+    if (lg_is_none(at.G)) return;
     const lg_var pull = lg_matmul_tn(tape, bent(tape, &at, q, dH[1]), lambda);
     dH[0] = lg_sub(tape, slope, flat(tape, pull));
 }
@@ -231,11 +229,7 @@ static lg_status find_mass(lg_constraint *c, lg_error *error) {
 
 static lg_status derive(lg_constraint *c, lg_derivative_kind kind, const char *function, const char *name,
                         lg_error *error) {
-    lg_derivative what;
-    lg_derivative_init(&what);
-    what.kind = kind;
-    what.function = function;
-    what.name = name;
+    const lg_derivative what = {.size = sizeof what, .kind = kind, .function = function, .name = name};
     return lg_program_derive(c->program, &what, error);
 }
 

@@ -1,4 +1,4 @@
-/* Constraints of the user: what the files constraint*.c and constrained.c share. */
+/* Constraints of the user: what the files constraint*.c and separable.c share. */
 #ifndef LG_HAMILTONIAN_CONSTRAINT_H
 #define LG_HAMILTONIAN_CONSTRAINT_H
 

@@ -21,14 +21,13 @@ lg_status lg_constraint_energy(const lg_constraint *constraint, const double *st
     LG_NEEDS(error, constraint, state, out);
     LG_TRY(needs_motion(constraint, error));
     const size_t n = constraint->n;
-    lg_constraint_work work;
+    LG_CLEAN(lg_constraint_end) lg_constraint_work work = {.of = constraint};
     double u[MOST], v[MOST], H = 0.0;
     memcpy(u, state + n, n * sizeof *u);
     LG_TRY(lg_constraint_begin(constraint, 0.0, state, &work, error));
     lg_constraint_normals(&work, state);
     if (!lg_constraint_clear(&work, constraint->inverse, u)) u[0] = NAN;
     lg_plan_eval(constraint->potential, (const void *[]){state}, (void *[]){&H}, work.plans);
-    lg_constraint_end(&work);
     lg_matrix_multiply(n, 1, n, constraint->inverse, u, v);
     for (size_t i = 0; i < n; i++) H += 0.5 * u[i] * v[i];
     *out = H;

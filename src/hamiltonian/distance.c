@@ -61,60 +61,28 @@ static lg_var on_cotangent_spheres(lg_tape *tape, const double *weight, const lg
                   lg_hamiltonian_scaled(tape, lg_sum(tape, lg_square(tape, apart)), weight[1]));
 }
 
-/* ---- distances by kind of factor ---- */
+/* ---- all factors ---- */
 
 static lg_var flat(lg_tape *tape, const double *weight, const lg_var *a, const lg_var *b) {
     return lg_hamiltonian_scaled(tape, lg_sum(tape, lg_square(tape, lg_sub(tape, a[0], b[0]))), weight[0]);
 }
 
-typedef struct geodesic {
-    lg_space_kind kind;
-    size_t parts;
-    lg_var (*squared)(lg_tape *tape, const double *weight, const lg_var *a, const lg_var *b);
-} geodesic;
-
-static const geodesic geodesics[] = {{LG_SPACE_RN, 1, flat}, {LG_SPACE_TS2, 2, on_cotangent_spheres}};
-
-static const geodesic *geodesic_of(lg_space_kind kind) {
-    for (size_t i = 0; i < LG_COUNT(geodesics); i++)
-        if (geodesics[i].kind == kind) return &geodesics[i];
-    return NULL;
-}
-
 bool lg_hamiltonian_has_geodesics(const lg_space *space) {
+    bool known = true;
     for (size_t i = 0; i < space->factors; i++)
-        if (geodesic_of(space->factor[i].kind) == NULL) return false;
-    return true;
+        known = known && (space->factor[i].kind == LG_SPACE_RN || space->factor[i].kind == LG_SPACE_TS2);
+    return known;
 }
 
-/* total + more; `more` alone if there is no total yet. */
-static lg_var plus(lg_tape *tape, lg_var total, lg_var more) {
-    return lg_is_none(total) ? more : lg_add(tape, total, more);
-}
-
-static lg_var ambient(lg_tape *tape, const lg_space *space, const double *weight, const lg_var *a,
-                      const lg_var *b) {
-    lg_var total = LG_NONE;
-    for (size_t part = 0; part < lg_taped_parts(space); part++)
-        total = plus(tape, total, flat(tape, weight + part, a + part, b + part));
-    return total;
-}
-
-static lg_var along_geodesics(lg_tape *tape, const lg_space *space, const double *weight, const lg_var *a,
-                              const lg_var *b) {
-    lg_var total = LG_NONE;
-    for (size_t i = 0; i < space->factors; i++) {
-        const geodesic *row = geodesic_of(space->factor[i].kind);
-        total = plus(tape, total, row->squared(tape, weight, a, b));
-        weight += row->parts, a += row->parts, b += row->parts;
-    }
-    return total;
-}
-
+/* With geodesics each factor is R^n, one part, or T*S^2, two parts. */
 lg_var lg_hamiltonian_squared_distance(lg_tape *tape, lg_hamiltonian_distance kind, const lg_space *space,
                                        const double *weight, const lg_var *a, const lg_var *b) {
-    static lg_var (*const rows[])(lg_tape *, const lg_space *, const double *, const lg_var *,
-                                  const lg_var *) = {
-        [LG_DISTANCE_AMBIENT] = ambient, [LG_DISTANCE_GEODESIC] = along_geodesics};
-    return rows[kind](tape, space, weight, a, b);
+    lg_var total = LG_NONE;
+    for (size_t part = 0, factor = 0; part < lg_taped_parts(space); part++, factor++) {
+        const bool curved = kind == LG_DISTANCE_GEODESIC && space->factor[factor].kind == LG_SPACE_TS2;
+        const lg_var more = (curved ? on_cotangent_spheres : flat)(tape, weight + part, a + part, b + part);
+        total = lg_is_none(total) ? more : lg_add(tape, total, more);
+        if (curved) part++;
+    }
+    return total;
 }

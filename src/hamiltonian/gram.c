@@ -13,7 +13,8 @@ void lg_hamiltonian_gram(size_t n, const double *arrays, double *m) {
         }
 }
 
-bool lg_hamiltonian_gram_usable(size_t n, const double *arrays) {
+bool lg_hamiltonian_usable_mass(const lg_hamiltonian_family *family, uint32_t copies, const double *arrays) {
+    const size_t n = copies * (size_t)family->arrays[0].each;
     double m[LG_HAMILTONIAN_MAX_COPIES * LG_HAMILTONIAN_MAX_COPIES];
     double L[LG_HAMILTONIAN_MAX_COPIES * LG_HAMILTONIAN_MAX_COPIES];
     lg_hamiltonian_gram(n, arrays, m);

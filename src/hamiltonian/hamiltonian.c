@@ -25,20 +25,15 @@ static double off_sphere(const double *copy) {
     return fmax(fabs(sqrt(lg_dot3(q, q)) - 1), along > 0.0 ? along / sqrt(lg_dot3(p, p)) : 0.0);
 }
 
-static double off_rotations(const double *R) {
-    return lg_space_kind_entry(LG_SPACE_SO3)->manifold_error(1, R);
-}
-
 double lg_hamiltonian_off_manifold(const lg_hamiltonian_family *family, uint32_t n, const double *state,
                                    uint32_t *copy) {
-    static double (*const rows[LG_SPACE_KINDS])(const double *) = {
-        [LG_SPACE_TS2] = off_sphere, [LG_SPACE_SO3] = off_rotations};
     const lg_space space = lg_hamiltonian_space_of(family, n);
     double most = 0.0;
     for (size_t f = 0; f < space.factors; f++) {
         const lg_space_kind kind = space.factor[f].kind;
-        for (uint32_t i = 0; i < space.factor[f].count; i++, state += lg_space_kind_entry(kind)->state) {
-            const double off = rows[kind] != NULL ? rows[kind](state) : 0.0;
+        const lg_space_entry *row = lg_space_kind_entry(kind);
+        for (uint32_t i = 0; i < space.factor[f].count; i++, state += row->state) {
+            const double off = kind == LG_SPACE_TS2 ? off_sphere(state) : row->manifold_error(1, state);
             if (off > most) most = off, *copy = i;
         }
     }

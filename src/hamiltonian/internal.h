@@ -35,10 +35,8 @@ static inline uint32_t lg_hamiltonian_array_length(const lg_hamiltonian *model, 
     const uint32_t each = model->family->arrays[index].each;
     return model->n * (each > 0 ? each : 1);
 }
-/* m = Gamma^T Gamma + diag(max(0, b)), (n, n), from the arrays Gamma (n, n) and b (n); and whether all its
- * Cholesky pivots are at least LG_HAMILTONIAN_LEAST_PIVOT. */
+/* m = Gamma^T Gamma + diag(max(0, b)), (n, n), from the arrays Gamma (n, n) and b (n). */
 void lg_hamiltonian_gram(size_t n, const double *arrays, double *m);
-bool lg_hamiltonian_gram_usable(size_t n, const double *arrays);
 /* The same matrix on a tape, (1, n, n). */
 lg_var lg_hamiltonian_record_gram(lg_tape *tape, uint32_t n, lg_var gamma, lg_var b);
 /* The matrix (3 n, 3 n) with the blocks m_ij I; m is (1, n, n). */
@@ -56,11 +54,9 @@ lg_var lg_hamiltonian_record_force(lg_tape *tape, const lg_hamiltonian_vars *var
 lg_var lg_hamiltonian_record_drift(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p);
 
 /* For the functions of a family: V (B, 1) at x (B, ...), which has family->inputs n numbers per row, and
- * dV/dx in the shape of x. The third function reshapes `input` to the shape of `part`; both must have the
- * same number of rows and of elements. */
+ * dV/dx in the shape of x. */
 lg_var lg_hamiltonian_potential(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
 lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x);
-lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part);
 
 /* Returns how many numbers a row of the part has. If the tape has failed, returns 0 or 1. */
 uint32_t lg_hamiltonian_width(lg_tape *tape, lg_var part);
@@ -77,9 +73,9 @@ lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_va
 /* The field, an algebra element, from dH/dy. With a constraint: `unit` times q has the units of the data. */
 void lg_hamiltonian_record_algebra(lg_tape *tape, const lg_hamiltonian *model, double unit, const lg_var *y,
                                    const lg_var *dH, lg_var input, lg_var *out);
-/* For families with the arrays Gamma (n, n) and b (n): whether the pivots of m = Gamma^T Gamma + diag(max(0,
- * b)) are at least LG_HAMILTONIAN_LEAST_PIVOT; and vars->kinetic: m^-1 (1, n, n), NaN unless m is positive
- * definite, 1/m_ii (1, n, 1), and m (1, n, n). */
+/* For families whose first arrays are Gamma and b: whether all Cholesky pivots of m are at least
+ * LG_HAMILTONIAN_LEAST_PIVOT. If these are Gamma (n, n) and b (n), the second function sets vars->kinetic:
+ * m^-1 (1, n, n), NaN unless m is positive definite, 1/m_ii (1, n, 1), and m (1, n, n). */
 bool lg_hamiltonian_usable_mass(const lg_hamiltonian_family *family, uint32_t n, const double *arrays);
 void lg_hamiltonian_bind_mass(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars);
 
@@ -144,9 +140,11 @@ typedef struct lg_momentum_motion {
 } lg_momentum_motion;
 lg_status lg_hamiltonian_momentum_motion(const lg_context *context, const lg_hamiltonian_problem *problem,
                                          lg_momentum_motion *out);
-/* The mean over the trajectories of (G(y_j) - G(y_1))^2 for j = `point` in 2..M, or of G(y_1)^2 for point 1,
- * with the first integral G of the penalty. */
-lg_status lg_hamiltonian_integral_change(const lg_context *context, const lg_hamiltonian_problem *problem,
-                                         const double *theta, size_t point, double *out, lg_error *error);
+/* The first integral G of the penalty; and root mean squares over the trajectories: out[0] of G at the first
+ * point, out[j] (j = 1..M - 1) of its change from there to point j. lg_hamiltonian_problem_check must have
+ * accepted the problem. */
+const lg_first_integral *lg_hamiltonian_integral_of(const lg_hamiltonian_problem *problem);
+lg_status lg_hamiltonian_integral_changes(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                          double *out);
 
 #endif

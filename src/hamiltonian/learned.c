@@ -99,24 +99,18 @@ void lg_hamiltonian_warn_of_floor(const lg_context *context, const lg_hamiltonia
 
 /* Noise changes G equally at every point, except for the scatter of a mean over N trajectories. So the data
  * do not conserve G if a later point changes G by more than the second point does. */
-lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_hamiltonian_problem *problem,
-                                          const double *theta, lg_error *error) {
+lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_hamiltonian_problem *problem) {
     static const double scatter = 4.0, least = 1e-3;
-    double whole = 0, second = 0, largest = 0, change = 0;
+    double change[LG_HAMILTONIAN_MAX_POINTS], largest = 0;
     if (problem->penalty == 0) return LG_OK;
-    for (size_t j = 1; j <= problem->points; j++) {
-        LG_TRY(lg_hamiltonian_integral_change(context, problem, theta, j, &change, error));
-        change = sqrt(change); /* of G itself at point 1 */
-        if (j == 1) whole = change;
-        if (j == 2) second = change;
-        if (j > 1) largest = fmax(largest, change);
-    }
+    LG_TRY(lg_hamiltonian_integral_changes(context, problem, change));
+    for (size_t j = 1; j < problem->points; j++) largest = fmax(largest, change[j]);
     const double grown = 1 + scatter / sqrt((double)problem->trajectories);
-    if (largest > grown * second && largest > least * whole)
+    if (largest > grown * change[1] && largest > least * change[0])
         WARN("the data do not conserve %s: it changes by %.2g between the first and the second point and by "
              "up to %.2g later, and its size is %.2g (root mean squares); but the penalty trains the model "
              "to conserve it",
-             problem->penalty_integral->name, second, largest, whole);
+             problem->penalty_integral->name, change[1], largest, change[0]);
     return LG_OK;
 }
 

@@ -23,8 +23,7 @@ bool lg_is_near_floor(double loss, double floor);
 void lg_hamiltonian_warn_of_floor(const lg_context *context, const lg_hamiltonian_problem *problem,
                                   double loss, double floor);
 /* Warns if the data do not conserve the first integral of the penalty. */
-lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_hamiltonian_problem *problem,
-                                          const double *theta, lg_error *error);
+lg_status lg_hamiltonian_warn_of_integral(const lg_context *context, const lg_hamiltonian_problem *problem);
 /* Warns if the data do not conserve the momentum of the model's symmetry. */
 lg_status lg_hamiltonian_warn_of_symmetry(const lg_context *context, const lg_hamiltonian_problem *problem);
 /* Warns if the learned energy changes along the data in a way that no conservative system allows; or if

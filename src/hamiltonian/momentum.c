@@ -1,10 +1,12 @@
-/* Whether trajectories conserve the momentum that belongs to a symmetry. */
+/* Whether trajectories conserve the momentum that belongs to a symmetry, or a first integral. */
 #include <math.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "hamiltonian/internal.h"
 #include "liegrad/ops.h"
 #include "liegrad/taped.h"
+
+LG_AT(lg_tape_destroy, lg_tape)
 
 /* The momenta of all points, and the squared lengths of the parts of the states. */
 typedef struct momenta {
@@ -12,34 +14,51 @@ typedef struct momenta {
     double *J, *square;         /* (n, points, k), (n, points, parts) */
 } momenta;
 
-/* The squared lengths of the parts y of `rows` states, (rows, parts). */
-static lg_var squares_of(lg_tape *tape, const lg_var *y, size_t parts, uint32_t rows) {
+/* Records numbers (rows, k) of `rows` states, from their parts y in the units of the data. */
+typedef lg_var (*quantity)(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_var *y);
+
+/* The squared lengths of the parts. */
+static lg_var squares_of(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_var *y) {
+    const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
+    const size_t parts = lg_taped_parts(&space);
     lg_var square[LG_HAMILTONIAN_MAX_PARTS];
     for (size_t i = 0; i < parts; i++) {
-        const uint32_t each = (uint32_t)(lg_shape_count(lg_var_shape(tape, y[i])) / rows);
-        square[i] = lg_rownorm2(tape, lg_reshape(tape, y[i], lg_shape2(rows, each)));
+        const lg_shape flat = lg_shape2((uint32_t)problem->points, lg_hamiltonian_width(tape, y[i]));
+        square[i] = lg_rownorm2(tape, lg_reshape(tape, y[i], flat));
     }
     return lg_concat(tape, square, parts, 1);
 }
 
-static lg_status take_trajectory(lg_tape *tape, const lg_hamiltonian_problem *problem, size_t i,
-                                 const lg_context *context, momenta *out) {
-    const lg_hamiltonian *model = problem->model;
-    const lg_space space = lg_hamiltonian_space_of(model->family, model->n);
-    const uint32_t d = lg_hamiltonian_state_dim(model), rows = (uint32_t)out->points;
-    const lg_mark mark = lg_tape_mark(tape);
-    lg_var y[LG_HAMILTONIAN_MAX_PARTS];
-    const lg_var x = lg_input(tape, lg_shape2(rows, d), problem->data + i * rows * d);
-    (void)lg_taped_split(tape, &space, x, y);
-    const lg_var J = lg_symmetry_row_of(model->symmetry)->momentum(tape, model, y),
-                 square = squares_of(tape, y, out->parts, rows);
-    LG_TRY(lg_tape_status(tape));
-    out->k = lg_var_shape(tape, J).dims[1];
-    if (out->J == NULL) out->J = lg_alloc(context, out->n * rows * out->k, sizeof *out->J);
-    if (out->J == NULL) return LG_OUT_OF_MEMORY;
-    LG_TRY(lg_read(tape, J, rows * out->k, out->J + i * rows * out->k));
-    LG_TRY(lg_read(tape, square, rows * out->parts, out->square + i * rows * out->parts));
-    return lg_tape_rewind(tape, mark);
+static lg_var momentum(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_var *y) {
+    return lg_symmetry_row_of(problem->model->symmetry)->momentum(tape, problem->model, y);
+}
+
+static lg_var first_integral(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_var *y) {
+    const lg_hamiltonian_vars vars = {.model = problem->model};
+    const lg_first_integral *integral = lg_hamiltonian_integral_of(problem);
+    return integral->record(integral->user, tape, &vars, y);
+}
+
+/* Computes the quantity at all points: *out (n, points, *k), which the caller frees. */
+static lg_status compute(const lg_context *context, const lg_hamiltonian_problem *problem, quantity record,
+                         double **out, size_t *k) {
+    const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
+    const uint32_t rows = (uint32_t)problem->points, d = (uint32_t)space.dim;
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
+    LG_TRY(lg_tape_create(context, NULL, &tape));
+    for (size_t i = 0; i < problem->trajectories; i++) {
+        lg_var y[LG_HAMILTONIAN_MAX_PARTS];
+        lg_tape_reset(tape);
+        const lg_var x = lg_input(tape, lg_shape2(rows, d), problem->data + i * rows * d);
+        LG_TRY(lg_taped_split(tape, &space, x, y));
+        const lg_var values = record(tape, problem, y);
+        LG_TRY(lg_tape_status(tape));
+        *k = lg_var_shape(tape, values).dims[1];
+        if (*out == NULL) *out = lg_alloc(context, problem->trajectories * rows * *k, sizeof **out);
+        if (*out == NULL) return LG_OUT_OF_MEMORY;
+        LG_TRY(lg_read(tape, values, rows * *k, *out + i * rows * *k));
+    }
+    return LG_OK;
 }
 
 /* Root mean squares over the trajectories at point j: *moved of the change since point 0, *left of what a
@@ -119,18 +138,25 @@ static void compare(const momenta *m, lg_momentum_motion *out) {
 lg_status lg_hamiltonian_momentum_motion(const lg_context *context, const lg_hamiltonian_problem *problem,
                                          lg_momentum_motion *out) {
     const lg_symmetry_row *row = lg_symmetry_row_of(problem->model->symmetry);
-    const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
-    momenta m = {.n = problem->trajectories, .points = problem->points, .parts = lg_taped_parts(&space)};
-    lg_tape *tape = NULL;
+    momenta m = {.n = problem->trajectories, .points = problem->points};
     *out = (lg_momentum_motion){0.0, 0.0, false};
     if (row == NULL || row->momentum == NULL || row->count(problem->model) == 0) return LG_OK;
     if (row->isotropic && problem->model->family->inputs * problem->model->n < 2) return LG_OK;
-    m.square = lg_alloc(context, m.n * m.points * m.parts, sizeof *m.square);
-    lg_status status = m.square != NULL ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
-    for (size_t i = 0; i < m.n && status == LG_OK; i++)
-        status = take_trajectory(tape, problem, i, context, &m);
+    lg_status status = compute(context, problem, momentum, &m.J, &m.k);
+    if (status == LG_OK) status = compute(context, problem, squares_of, &m.square, &m.parts);
     if (status == LG_OK) compare(&m, out);
-    lg_tape_destroy(tape);
     LG_FREE_ALL(context, m.J, m.square);
+    return status;
+}
+
+lg_status lg_hamiltonian_integral_changes(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                          double *out) {
+    momenta m = {.n = problem->trajectories, .points = problem->points};
+    double square = 0.0, left;
+    const lg_status status = compute(context, problem, first_integral, &m.J, &m.k);
+    for (size_t i = 0; status == LG_OK && i < m.n; i++) square += pow(m.J[i * m.points], 2.0);
+    out[0] = sqrt(square / (double)m.n);
+    for (size_t j = 1; status == LG_OK && j < m.points; j++) change_at(&m, j, &out[j], &left);
+    lg_free(context, m.J);
     return status;
 }

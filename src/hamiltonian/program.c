@@ -51,27 +51,23 @@ static lg_status constraint(void *user, lg_tape *tape, const lg_var *theta, cons
     return lg_program_record(tape, own, function, NULL, x, y);
 }
 
-static lg_status potential(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const lg_hamiltonian *model = ((const recording *)user)->model;
-    lg_hamiltonian_vars vars;
-    LG_TRY(lg_hamiltonian_bind(tape, model, theta[0], &vars));
-    const lg_var q = lg_hamiltonian_scaled(tape, x[0], 1.0 / model->scales.part[0]);
-    y[0] = lg_hamiltonian_scaled(tape, lg_hamiltonian_potential(tape, &vars, q),
+static lg_var potential_of(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q) {
+    const lg_hamiltonian *model = vars->model;
+    q = lg_hamiltonian_scaled(tape, q, 1.0 / model->scales.part[0]);
+    return lg_hamiltonian_scaled(tape, lg_hamiltonian_potential(tape, vars, q),
                                  lg_hamiltonian_energy_scale(model));
-    return lg_tape_status(tape);
 }
 
-static lg_status mass(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const lg_hamiltonian *model = ((const recording *)user)->model;
-    const lg_hamiltonian_scales *scales = &model->scales;
-    const uint32_t n = model->n;
-    lg_hamiltonian_vars vars;
-    LG_TRY(lg_hamiltonian_bind(tape, model, theta[0], &vars));
-    const lg_var M = lg_spd_solve(tape, vars.kinetic[0], lg_unit_matrix(tape, n));
-    y[0] = lg_hamiltonian_scaled(tape, lg_reshape(tape, M, lg_shape2(n, n)),
+static lg_var mass_of(lg_tape *tape, const lg_hamiltonian_vars *vars) {
+    const lg_hamiltonian_scales *scales = &vars->model->scales;
+    const uint32_t n = vars->model->n;
+    const lg_var M = lg_spd_solve(tape, vars->kinetic[0], lg_unit_matrix(tape, n));
+    return lg_hamiltonian_scaled(tape, lg_reshape(tape, M, lg_shape2(n, n)),
                                  scales->part[1] * scales->time / scales->part[0]);
-    return lg_tape_status(tape);
 }
+
+OF_MODEL(potential, y[0] = potential_of(tape, &vars, x[0]))
+OF_MODEL(mass, y[0] = mass_of(tape, &vars))
 
 enum { MOST_FUNCTIONS = 8 };
 
@@ -99,13 +95,12 @@ static lg_status build(const lg_context *context, recording *r, const double *th
         functions[count++] = (lg_function_spec){"mass", &q, 1, &of_q[2], 1, mass, r};
     }
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)lg_hamiltonian_parameters(model)), theta};
-    lg_program_spec spec;
-    lg_program_spec_init(&spec);
-    spec.parameters = &weights;
-    spec.parameter_count = 1;
-    spec.functions = functions;
-    spec.function_count = count;
-    spec.description = model->family->description;
+    const lg_program_spec spec = {.size = sizeof spec,
+                                  .parameters = &weights,
+                                  .parameter_count = 1,
+                                  .functions = functions,
+                                  .function_count = count,
+                                  .description = model->family->description};
     return lg_program_build(context, &spec, out, error);
 }
 

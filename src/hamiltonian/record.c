@@ -21,6 +21,35 @@ void lg_hamiltonian_number_scales(const lg_hamiltonian *model, double *out) {
     for (size_t i = 0; i < space.dim; i++) out[i] = model->scales.part[part[i]];
 }
 
+/* ---- the parts of a state: pairs of positions and momenta ---- */
+
+uint32_t lg_hamiltonian_width(lg_tape *tape, lg_var part) {
+    const lg_shape shape = lg_var_shape(tape, part);
+    return (uint32_t)(lg_shape_count(shape) / (shape.dims[0] > 0 ? shape.dims[0] : 1));
+}
+
+lg_var lg_hamiltonian_joined(lg_tape *tape, const lg_hamiltonian_family *family, const lg_var *y,
+                             size_t odd) {
+    lg_var flat[LG_HAMILTONIAN_MAX_PARTS / 2];
+    size_t pairs = 0;
+    for (const char *const *name = family->layout; *name != NULL; name += 2, pairs++) {
+        const lg_var part = y[2 * pairs + odd];
+        flat[pairs] = lg_reshape(
+            tape, part, lg_shape2(lg_var_shape(tape, part).dims[0], lg_hamiltonian_width(tape, part)));
+    }
+    return pairs == 1 ? flat[0] : lg_concat(tape, flat, pairs, 1);
+}
+
+void lg_hamiltonian_cut(lg_tape *tape, const lg_hamiltonian_family *family, const lg_var *y, lg_var x,
+                        size_t odd, lg_var *out) {
+    uint32_t from = 0;
+    for (size_t i = odd; i < LG_HAMILTONIAN_MAX_PARTS && family->layout[i] != NULL; i += 2) {
+        const uint32_t width = lg_hamiltonian_width(tape, y[i]);
+        out[i] = lg_reshape(tape, lg_slice(tape, x, 1, from, width), lg_var_shape(tape, y[i]));
+        from += width;
+    }
+}
+
 /* Divides the parts by their scales. */
 static void inside(lg_tape *tape, const lg_hamiltonian *model, size_t parts, const lg_var *y, lg_var *out) {
     for (size_t i = 0; i < parts; i++)
@@ -113,8 +142,8 @@ lg_var lg_hamiltonian_potential_gradient(lg_tape *tape, const lg_hamiltonian_var
     return lg_reshape(tape, gradient, lg_var_shape(tape, x));
 }
 
-/* The shape of the input is checked here, because a wrong width could broadcast. */
-lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part) {
+/* The input in the shape of `part`. Its shape is checked here, because a wrong width could broadcast. */
+static lg_var input_like(lg_tape *tape, lg_var input, lg_var part) {
     const lg_shape shape = lg_var_shape(tape, part), given = lg_var_shape(tape, input);
     if (given.rank != 2 || given.dims[0] != shape.dims[0] ||
         given.dims[1] != lg_hamiltonian_width(tape, part))
@@ -124,7 +153,7 @@ lg_var lg_hamiltonian_input_like(lg_tape *tape, lg_var input, lg_var part) {
 }
 
 static lg_var pushed(lg_tape *tape, lg_var force, lg_var input) {
-    return lg_is_none(input) ? force : lg_add(tape, force, lg_hamiltonian_input_like(tape, input, force));
+    return lg_is_none(input) ? force : lg_add(tape, force, input_like(tape, input, force));
 }
 
 static lg_var force_inside(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var q, lg_var input) {
@@ -156,34 +185,27 @@ static void gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const
         out[i] = lg_hamiltonian_scaled(tape, out[i], energy / model->scales.part[i]);
 }
 
-/* The brackets of all pairs of parts, with the numbers of the input that belong to each. The operations stand
- * in the order in which saved models have them. */
-static void free_field(lg_tape *tape, const lg_hamiltonian *model, const lg_var *y, const lg_var *dH,
-                       lg_var input, lg_var *out) {
-    const lg_hamiltonian_family *family = model->family;
-    const bool bodies = family->bodies.rotations + family->bodies.directions > 0;
-    uint32_t from = 0;
-    if (bodies && !lg_is_none(input))
-        input = lg_hamiltonian_input_like(tape, input, lg_hamiltonian_joined(tape, family, y, 1));
-    for (size_t i = 0; family->layout[i] != NULL; i += 2) {
-        if (!bodies) out[i] = lg_bracket_rate(tape, y + i, dH + i);
-        lg_var change = lg_bracket_change(tape, y + i, dH + i), own = input;
-        if (bodies) out[i] = lg_bracket_rate(tape, y + i, dH + i);
-        const uint32_t width = lg_hamiltonian_width(tape, change);
-        if (bodies && !lg_is_none(input)) own = lg_slice(tape, input, 1, from, width);
-        out[i + 1] = pushed(tape, change, own);
-        from += width;
-    }
-}
-
+/* Without a constraint: the brackets of all pairs of parts, with the numbers of the input that belong to
+ * each. The operations stand in the order in which saved models have them. */
 void lg_hamiltonian_record_algebra(lg_tape *tape, const lg_hamiltonian *model, double unit, const lg_var *y,
                                    const lg_var *dH, lg_var input, lg_var *out) {
-    if (model->constraint == NULL) {
-        free_field(tape, model, y, dH, input, out);
+    const lg_hamiltonian_family *family = model->family;
+    const bool driven = !lg_is_none(input), bodies = family->bodies.rotations + family->bodies.directions > 0;
+    uint32_t from = 0;
+    if (model->constraint != NULL) {
+        const lg_var force = driven ? input_like(tape, input, y[1]) : input;
+        lg_constraint_record_field(tape, model->constraint, unit, y, dH, force, out);
         return;
     }
-    const lg_var force = lg_is_none(input) ? input : lg_hamiltonian_input_like(tape, input, y[1]);
-    lg_constraint_record_field(tape, model->constraint, unit, y, dH, force, out);
+    if (bodies && driven) input = input_like(tape, input, lg_hamiltonian_joined(tape, family, y, 1));
+    for (size_t i = 0; family->layout[i] != NULL; i += 2) {
+        if (!bodies) out[i] = lg_bracket_rate(tape, y + i, dH + i);
+        const lg_var change = lg_bracket_change(tape, y + i, dH + i);
+        if (bodies) out[i] = lg_bracket_rate(tape, y + i, dH + i);
+        const uint32_t width = lg_hamiltonian_width(tape, change);
+        out[i + 1] = pushed(tape, change, bodies && driven ? lg_slice(tape, input, 1, from, width) : input);
+        from += width;
+    }
 }
 
 /* gradient_inside, gradient_parts, or a family's gradient_on_manifold. */

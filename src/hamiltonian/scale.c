@@ -6,6 +6,8 @@
 #include "core/clean.h"
 #include "hamiltonian/internal.h"
 
+LG_AT(lg_tape_destroy, lg_tape)
+
 enum { MOST_STATES = 256 };
 
 /* Computes the velocities y' (count, d) at the states. The variables stay on the tape until it is reset. */
@@ -46,42 +48,28 @@ static void take_states(const lg_hamiltonian_problem *problem, size_t d, size_t 
     }
 }
 
-/* memory: states, quotient, whole, kinetic (count, d) each; then a copy of theta, V's last layer being 0. */
-static lg_status ratio_with(lg_tape *tape, const lg_hamiltonian_problem *problem, size_t count,
-                            const double *theta, double *memory, double *ratio) {
-    const lg_mlp *net = &problem->model->net;
-    const size_t parameters = lg_hamiltonian_parameters(problem->model);
-    const size_t d = lg_hamiltonian_state_dim(problem->model), size = count * d;
-    const size_t last = lg_mlp_weight_offset(net, net->layers - 1);
-    double *quotient = memory + size, *whole = quotient + size, *kinetic = whole + size;
-    double *flat = kinetic + size;
-    take_states(problem, d, count, memory, quotient);
-    memcpy(flat, theta, parameters * sizeof(*flat));
-    memset(flat + last, 0, (lg_mlp_parameters(net) - last) * sizeof(*flat));
-    LG_TRY(velocities(tape, problem->model, theta, memory, count, whole));
-    LG_TRY(velocities(tape, problem->model, flat, memory, count, kinetic));
-    *ratio = ratio_of(size, quotient, whole, kinetic);
-    return LG_OK;
-}
-
 lg_status lg_hamiltonian_scale(const lg_context *context, const lg_hamiltonian_problem *problem,
                                double *theta, double *factor) {
     LG_NEEDS(NULL, problem, theta);
     LG_TRY(lg_hamiltonian_problem_check(problem, NULL));
-    const lg_mlp *net = &problem->model->net;
+    const lg_hamiltonian *model = problem->model;
     const size_t count = problem->trajectories < MOST_STATES ? problem->trajectories : MOST_STATES;
-    const size_t size = 4 * count * lg_hamiltonian_state_dim(problem->model);
-    double ratio = 1.0;
-    lg_tape *tape = NULL;
-    LG_TRY_SCRATCH(double, memory, context, size + lg_hamiltonian_parameters(problem->model),
-                   LG_OUT_OF_MEMORY);
-    lg_status status = lg_tape_create(context, NULL, &tape);
-    if (status == LG_OK) status = ratio_with(tape, problem, count, theta, memory, &ratio);
-    lg_tape_destroy(tape);
-    LG_TRY(status);
+    const size_t d = lg_hamiltonian_state_dim(model), size = count * d;
+    const size_t parameters = lg_hamiltonian_parameters(model), end = lg_mlp_parameters(&model->net);
+    const size_t last = lg_mlp_weight_offset(&model->net, model->net.layers - 1);
+    LG_TRY_SCRATCH(double, states, context, 4 * size + parameters, LG_OUT_OF_MEMORY);
+    double *quotient = states + size, *whole = quotient + size, *kinetic = whole + size;
+    double *flat = kinetic + size; /* theta with a last layer of V that is 0 */
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
+    LG_TRY(lg_tape_create(context, NULL, &tape));
+    take_states(problem, d, count, states, quotient);
+    memcpy(flat, theta, parameters * sizeof(*flat));
+    memset(flat + last, 0, (end - last) * sizeof(*flat));
+    LG_TRY(velocities(tape, model, theta, states, count, whole));
+    LG_TRY(velocities(tape, model, flat, states, count, kinetic));
+    const double ratio = ratio_of(size, quotient, whole, kinetic);
     const double scale = ratio > 1.0 && ratio <= DBL_MAX ? cbrt(ratio) : 1.0;
-    for (size_t i = lg_mlp_weight_offset(net, net->layers - 1); i < lg_mlp_parameters(net); i++)
-        theta[i] *= scale;
+    for (size_t i = last; i < end; i++) theta[i] *= scale;
     if (factor != NULL) *factor = scale;
     return LG_OK;
 }

@@ -45,14 +45,14 @@ static lg_status given_points(lg_tape *tape, const lg_hamiltonian_problem *probl
 
 /* ---- loss ---- */
 
-static const lg_first_integral *integral_of(const lg_hamiltonian_problem *problem) {
+const lg_first_integral *lg_hamiltonian_integral_of(const lg_hamiltonian_problem *problem) {
     return problem->penalty_integral != NULL ? problem->penalty_integral : lg_first_integral_at(0);
 }
 
 /* G (B, 1) at a point, in the units of the data. `y`: the parts of the point, divided by their scales. */
 static lg_var conserved(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_hamiltonian_vars *vars,
                         size_t parts, const lg_var *y) {
-    const lg_first_integral *integral = integral_of(problem);
+    const lg_first_integral *integral = lg_hamiltonian_integral_of(problem);
     lg_var given[LG_HAMILTONIAN_MAX_PARTS];
     for (size_t i = 0; i < parts; i++)
         given[i] = lg_hamiltonian_scaled(tape, y[i], problem->model->scales.part[i]);
@@ -165,25 +165,38 @@ static double terms_of(const lg_hamiltonian_problem *problem, const lg_space *sp
     return (double)batch * (double)space->dim * (double)(problem->points - first_point(problem));
 }
 
+/* Samples of a problem on a tape. */
+typedef struct shard {
+    lg_hamiltonian_vars vars;
+    lg_space space;
+    size_t parts, first, used; /* of a state; first and number of points in the loss */
+    lg_var y[PREDICTED]; /* the start and the predictions: the parts of M points, one point after the other */
+    lg_var given[LG_HAMILTONIAN_MAX_PARTS]; /* the points in the loss */
+} shard;
+
+static lg_status run(lg_tape *tape, const lg_hamiltonian_problem *problem, lg_var theta,
+                     const uint32_t *samples, size_t count, shard *s) {
+    LG_TRY(begin(tape, problem, theta, samples, count, &s->vars, &s->space, s->y));
+    s->parts = lg_taped_parts(&s->space);
+    s->first = first_point(problem);
+    s->used = problem->points - s->first;
+    LG_TRY(predict(tape, problem, &s->vars, problem->substeps, s->y, s->y + s->parts));
+    return given_points(tape, problem, &s->space, samples, count, s->first, problem->points - 1, s->given);
+}
+
 static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                             size_t batch, lg_var *loss) {
     const lg_hamiltonian_problem *problem = user;
-    lg_hamiltonian_vars vars;
-    lg_space space;
-    /* `start` has the parts of points 0..M - 1, one point after the other. */
-    lg_var start[PREDICTED], given[LG_HAMILTONIAN_MAX_PARTS];
-    LG_TRY(begin(tape, problem, theta, samples, count, &vars, &space, start));
-    const size_t parts = lg_taped_parts(&space), first = first_point(problem);
-    lg_var *predicted = start + parts;
-    LG_TRY(predict(tape, problem, &vars, problem->substeps, start, predicted));
-    LG_TRY(given_points(tape, problem, &space, samples, count, first, problem->points - 1, given));
-    lg_var squares = squared_error(tape, problem, problem->distance, &space, problem->points - first,
-                                   start + first * parts, given);
-    lg_var total = lg_scale(tape, squares, 1.0 / terms_of(problem, &space, batch));
+    shard s;
+    LG_TRY(run(tape, problem, theta, samples, count, &s));
+    lg_var squares =
+        squared_error(tape, problem, problem->distance, &s.space, s.used, s.y + s.first * s.parts, s.given);
+    lg_var total = lg_scale(tape, squares, 1.0 / terms_of(problem, &s.space, batch));
     if (problem->penalty != 0.0) {
         const bool mean = problem->penalty_form == LG_PENALTY_MEAN_SQUARE;
         const double weight = mean ? problem->penalty / (double)batch : problem->penalty;
-        total = lg_add(tape, total, lg_scale(tape, penalty_sum(tape, problem, &vars, parts, start), weight));
+        total =
+            lg_add(tape, total, lg_scale(tape, penalty_sum(tape, problem, &s.vars, s.parts, s.y), weight));
     }
     *loss = total;
     return lg_tape_status(tape);
@@ -193,22 +206,18 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
 static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples,
                                  size_t count, size_t batch, lg_var *r) {
     const lg_hamiltonian_problem *problem = user;
-    lg_hamiltonian_vars vars;
-    lg_space space;
-    lg_var start[PREDICTED], given[LG_HAMILTONIAN_MAX_PARTS], columns[LG_HAMILTONIAN_MAX_PARTS];
-    LG_TRY(begin(tape, problem, theta, samples, count, &vars, &space, start));
-    const size_t parts = lg_taped_parts(&space), first = first_point(problem), used = problem->points - first;
-    LG_TRY(predict(tape, problem, &vars, problem->substeps, start, start + parts));
-    LG_TRY(given_points(tape, problem, &space, samples, count, first, problem->points - 1, given));
-    for (size_t part = 0; part < parts; part++) {
-        const lg_var all = all_points(tape, start + first * parts, used, parts, part);
+    shard s;
+    lg_var columns[LG_HAMILTONIAN_MAX_PARTS];
+    LG_TRY(run(tape, problem, theta, samples, count, &s));
+    for (size_t part = 0; part < s.parts; part++) {
+        const lg_var all = all_points(tape, s.y + s.first * s.parts, s.used, s.parts, part);
         const lg_var difference =
-            lg_hamiltonian_scaled(tape, lg_sub(tape, all, given[part]), sqrt(weights_of(problem)[part]));
+            lg_hamiltonian_scaled(tape, lg_sub(tape, all, s.given[part]), sqrt(weights_of(problem)[part]));
         const uint64_t length = lg_shape_count(lg_var_shape(tape, difference));
         columns[part] = lg_reshape(tape, difference, lg_shape1((uint32_t)length));
     }
-    const double scale = 1.0 / sqrt(terms_of(problem, &space, batch));
-    *r = lg_scale(tape, lg_concat(tape, columns, parts, 0), scale);
+    const double scale = 1.0 / sqrt(terms_of(problem, &s.space, batch));
+    *r = lg_scale(tape, lg_concat(tape, columns, s.parts, 0), scale);
     return lg_tape_status(tape);
 }
 
@@ -297,7 +306,7 @@ static lg_status check_scheme(const lg_hamiltonian *model, const lg_scheme *sche
 }
 
 static lg_status check_penalty(const lg_hamiltonian_problem *problem, lg_error *error) {
-    const lg_first_integral *integral = integral_of(problem);
+    const lg_first_integral *integral = lg_hamiltonian_integral_of(problem);
     const lg_hamiltonian *model = problem->model;
     if (!lg_first_integral_fits(integral, model))
         return lg_fail(error, LG_UNSUPPORTED,
@@ -372,47 +381,6 @@ void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_pr
                             .user = (void *)(uintptr_t)problem}; /* never written */
 }
 
-/* ---- how much the penalty's first integral changes along the data ---- */
-
-typedef struct integral_change {
-    const lg_hamiltonian_problem *problem;
-    size_t point; /* counted from 0 */
-} integral_change;
-
-/* Like shard_loss: mean square of G at the start (point 0), or of its change from the start to the point. */
-static lg_status shard_change(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
-                              size_t batch, lg_var *mean) {
-    const integral_change *of = user;
-    lg_hamiltonian_vars vars;
-    lg_space space;
-    lg_var start[LG_HAMILTONIAN_MAX_PARTS], later[LG_HAMILTONIAN_MAX_PARTS];
-    LG_TRY(begin(tape, of->problem, theta, samples, count, &vars, &space, start));
-    LG_TRY(given_points(tape, of->problem, &space, samples, count, 0, 0, start));
-    const size_t parts = lg_taped_parts(&space);
-    lg_var g = conserved(tape, of->problem, &vars, parts, start);
-    if (of->point > 0) {
-        LG_TRY(given_points(tape, of->problem, &space, samples, count, of->point, of->point, later));
-        g = lg_sub(tape, conserved(tape, of->problem, &vars, parts, later), g);
-    }
-    *mean = lg_scale(tape, lg_sum(tape, lg_square(tape, g)), 1.0 / (double)batch);
-    return lg_tape_status(tape);
-}
-
-lg_status lg_hamiltonian_integral_change(const lg_context *context, const lg_hamiltonian_problem *problem,
-                                         const double *theta, size_t point, double *out, lg_error *error) {
-    integral_change of = {problem, point - 1};
-    lg_fit_problem fit;
-    LG_TRY(lg_hamiltonian_problem_check(problem, error));
-    LG_TRY(check_penalty(problem, error));
-    if (point < 1 || point > problem->points)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "there is no point %zu; the points are 1 to %zu", point,
-                       problem->points);
-    lg_hamiltonian_fit_problem(problem, &fit);
-    fit.loss = shard_change;
-    fit.user = &of;
-    return lg_fit_problem_loss(context, &fit, theta, out, error);
-}
-
 /* ---- the unit of the penalty's first integral ---- */
 
 /* Like shard_loss: the mean over the points of the squared length of dG/dy, with y divided by its scales. It
@@ -455,7 +423,7 @@ lg_status lg_hamiltonian_integral_unit(const lg_context *context, const lg_hamil
     LG_NEEDS(error, problem, out);
     LG_TRY(lg_hamiltonian_problem_check(problem, error));
     LG_TRY(check_penalty(problem, error));
-    const lg_first_integral *integral = integral_of(problem);
+    const lg_first_integral *integral = lg_hamiltonian_integral_of(problem);
     if (integral->measured) return measure_unit(context, problem, out, error);
     double unit = 1;
     for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)

@@ -13,11 +13,21 @@ static size_t one_each(const lg_machine *machine, const lg_machine_term *term) {
     return machine->velocities;
 }
 
-/* ---- scales: a force in the log's units is the scaled force times E/L ---- */
-
-static void left_scales(const lg_machine *machine, double *left) {
-    for (uint32_t i = 0; i < machine->velocities; i++)
-        left[i] = machine->scales.velocity[i] / machine->scales.energy;
+/* The values of a term as a matrix (velocities, columns) in scaled units; with `line` they are its diagonal.
+ * It multiplies numbers whose scales are `right`. A force in the log's units is the scaled one times E/L. */
+static lg_var known_matrix(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t columns,
+                           bool line, const double *right) {
+    const lg_machine_scales *s = &vars->machine->scales;
+    const uint32_t n = vars->machine->velocities;
+    uint32_t index[LG_MACHINE_VALUES];
+    double factor[LG_MACHINE_VALUES];
+    for (uint32_t k = 0; k < n * columns; k++) {
+        const uint32_t i = k / columns, j = k % columns;
+        index[k] = !line ? k : i == j ? i : UINT32_MAX;
+        factor[k] = s->velocity[i] / s->energy * right[j];
+    }
+    return lg_reshape(tape, lg_machine_record_entries(tape, vars, term, n * columns, index, factor),
+                      lg_shape2(n, columns));
 }
 
 /* ---- damping ---- */
@@ -31,16 +41,10 @@ static lg_var known_damping(lg_tape *tape, const lg_machine_vars *vars, uint32_t
     const lg_machine *machine = vars->machine;
     const uint32_t n = machine->velocities;
     const bool line = machine->terms[term].value_count == n;
-    uint32_t index[LG_MACHINE_VALUES];
-    double left[LG_MACHINE_VELOCITIES], factor[LG_MACHINE_VALUES];
-    left_scales(machine, left);
-    for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = 0; j < n; j++) {
-            index[i * n + j] = !line ? i * n + j : i == j ? i : UINT32_MAX;
-            factor[i * n + j] = left[i] * (machine->scales.velocity[j] / machine->scales.time);
-        }
-    const lg_var D = lg_machine_record_entries(tape, vars, term, n * n, index, factor);
-    return lg_neg(tape, lg_matmul_nt(tape, seen->v, lg_reshape(tape, D, lg_shape2(n, n))));
+    double speed[LG_MACHINE_VELOCITIES];
+    for (uint32_t j = 0; j < n; j++) speed[j] = machine->scales.velocity[j] / machine->scales.time;
+    const lg_var D = known_matrix(tape, vars, term, n, line, speed);
+    return lg_neg(tape, lg_matmul_nt(tape, seen->v, D));
 }
 
 static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
@@ -149,16 +153,8 @@ static void scale_network(const lg_machine *machine, const lg_machine_term *term
 static lg_var known_map(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
                         const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
-    const uint32_t n = machine->velocities, m = machine->input_count;
-    uint32_t index[LG_MACHINE_VALUES];
-    double left[LG_MACHINE_VELOCITIES], factor[LG_MACHINE_VALUES];
-    left_scales(machine, left);
-    for (uint32_t i = 0; i < n * m; i++) {
-        index[i] = i;
-        factor[i] = left[i / m] * machine->scales.input[i % m];
-    }
-    const lg_var B = lg_machine_record_entries(tape, vars, term, n * m, index, factor);
-    return lg_matmul_nt(tape, seen->u, lg_reshape(tape, B, lg_shape2(n, m)));
+    return lg_matmul_nt(tape, seen->u,
+                        known_matrix(tape, vars, term, machine->input_count, false, machine->scales.input));
 }
 
 /* Initially input j drives velocity j. */

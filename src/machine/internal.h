@@ -68,6 +68,10 @@ void __attribute__((format(printf, 3, 4)))
 lg_numbers_put(lg_number_list *list, double value, const char *format, ...);
 /* Reads a variable of the list's tape; NaN after a failure. */
 void lg_numbers_read(lg_number_list *list, lg_var x, size_t count, double *out);
+/* Reads a mass M (1, n, n), or of directions (1, n, 1), and appends its numbers: those on and above the
+ * diagonal, or with `diagonal`, which directions need, those on it. */
+void lg_numbers_put_mass(lg_number_list *list, const lg_machine *machine, lg_var M, bool directions,
+                         bool diagonal);
 /* Name of velocity k: "x", or "body.2" where its coordinate has several velocities. */
 LG_API void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size);
 /* Name of one number of the term's features: "x", "sin(theta)", "rod.3", "body.up.1". */
@@ -399,6 +403,9 @@ lg_var lg_machine_record_shown(lg_tape *tape, const lg_machine_vars *vars, const
  * rows. */
 void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log, const size_t *at,
                             size_t count, double *positions, double *velocities);
+/* Records these rows of the problem's log, on a tape in double precision. */
+lg_status lg_machine_record_rows(lg_tape *tape, const lg_machine_problem *problem, const size_t *at,
+                                 size_t count, lg_var *positions, lg_var *velocities);
 /* Converts one row of scaled numbers to the units of the log, in place; exported because lg-identify uses
  * it. */
 LG_API void lg_machine_unscale_row(const lg_machine *machine, double *positions, double *velocities);

@@ -92,17 +92,10 @@ bool lg_machine_mass_at(const lg_machine_problem *problem, double *positions) {
 
 /* The sum of all terms of the mass, at rest at `positions`. */
 static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const double *positions) {
-    uint32_t at[LG_MACHINE_VELOCITIES];
-    double m[LG_MACHINE_VALUES];
     lg_var parts[LG_TAPED_MAX_PARTS], M = LG_NONE;
-    const uint32_t n = lg_machine_mass_velocities(machine, false, at);
     if (l->status == LG_OK) l->status = lg_machine_record_rest(l->tape, &l->vars, positions, parts);
     if (l->status == LG_OK) M = lg_machine_record_mass(l->tape, &l->vars, parts);
-    lg_numbers_read(l, M, (size_t)n * n, m);
-    for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = i; j < n; j++)
-            lg_numbers_put(l, m[i * n + j] * (1.0 / lg_machine_unit_mass(machine, at[i], at[j])),
-                           "mass.%u.%u", at[i] + 1, at[j] + 1);
+    lg_numbers_put_mass(l, machine, M, false, false);
 }
 
 /* If a mass is a network, the entries of M at `positions` replace the numbers of all mass terms, except the

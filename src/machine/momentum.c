@@ -23,18 +23,6 @@ static lg_var momenta_of(lg_tape *tape, const lg_machine *machine, const lg_var 
     return count == 1 ? both[0] : lg_concat(tape, both, 2, 1);
 }
 
-/* The state of logged rows. */
-static lg_status record_rows(lg_tape *tape, const lg_machine_problem *problem, const lg_machine_vars *vars,
-                             const size_t *at, size_t count, lg_var *parts) {
-    const lg_machine *machine = problem->machine;
-    void *memory[2];
-    const lg_var q = lg_input_buffer(tape, lg_shape2((uint32_t)count, machine->positions), &memory[0]),
-                 v = lg_input_buffer(tape, lg_shape2((uint32_t)count, machine->velocities), &memory[1]);
-    LG_TRY(lg_tape_status(tape));
-    lg_machine_scaled_rows(machine, &problem->log, at, count, memory[0], memory[1]);
-    return lg_machine_record_state(tape, vars, q, v, parts);
-}
-
 /* 1/sqrt(batch) for windows whose rows are complete, 0 for others: (count, 1). */
 static lg_var weights_of(lg_tape *tape, const lg_machine_problem *problem, const size_t *at, size_t count,
                          size_t batch) {
@@ -55,14 +43,15 @@ static lg_status momentum_residuals(void *user, lg_tape *tape, lg_var theta, con
     const lg_machine *machine = problem->machine;
     size_t at[LG_FIT_CHUNK];
     lg_machine_vars vars;
-    lg_var parts[LG_TAPED_MAX_PARTS], sum = LG_NONE;
+    lg_var parts[LG_TAPED_MAX_PARTS], q, v, sum = LG_NONE;
     for (size_t s = 0; s < count; s++) at[s] = problem->start[samples[s]];
     const lg_var weights = weights_of(tape, problem, at, count, batch);
     LG_TRY(lg_machine_bind(tape, machine, theta, &vars));
     lg_machine_flow flow = {.vars = &vars, .scheme = problem->scheme, .substeps = problem->substeps};
     LG_TRY(lg_machine_space(machine, &flow.space));
     for (uint32_t j = 0;; j++) {
-        LG_TRY(record_rows(tape, problem, &vars, at, count, parts));
+        LG_TRY(lg_machine_record_rows(tape, problem, at, count, &q, &v));
+        LG_TRY(lg_machine_record_state(tape, &vars, q, v, parts));
         const lg_var logged = momenta_of(tape, machine, parts);
         if (j > 0) sum = lg_add(tape, sum, logged);
         if (j + 1 == problem->window) break;

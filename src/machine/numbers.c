@@ -62,28 +62,31 @@ void lg_numbers_bias(lg_number_list *l, const lg_machine *machine, const lg_mach
 
 /* ---- mass ---- */
 
+void lg_numbers_put_mass(lg_number_list *l, const lg_machine *machine, lg_var M, bool directions,
+                         bool diagonal) {
+    uint32_t at[LG_MACHINE_VELOCITIES];
+    double m[LG_MACHINE_VALUES];
+    const uint32_t n = lg_machine_mass_velocities(machine, directions, at), columns = directions ? 1 : n;
+    lg_numbers_read(l, M, (size_t)n * columns, m);
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t j = i; j < (diagonal ? i + 1 : n); j++)
+            lg_numbers_put(
+                l, m[directions ? i : i * n + j] * (1.0 / lg_machine_unit_mass(machine, at[i], at[j])),
+                "mass.%u.%u", at[i] + 1, at[j] + 1);
+}
+
 /* The elements of a mass, of a diagonal one those on the diagonal, then the masses of the directions. */
 void lg_numbers_mass(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                      const double *theta) {
     uint32_t at[LG_MACHINE_VELOCITIES];
-    double m[LG_MACHINE_VALUES];
     const uint32_t index = (uint32_t)(term - machine->terms);
     const bool good = l->status == LG_OK, diagonal = (term->kind->options & LG_TERM_VALUES) != 0;
-    lg_machine_seen seen = {.rows = 1};
-    uint32_t n = lg_machine_mass_velocities(machine, false, at);
-    if (n > 0)
-        lg_numbers_read(l, good ? term->kind->record(l->tape, &l->vars, index, &seen) : LG_NONE,
-                        (size_t)n * n, m);
-    for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = i; j < (diagonal ? i + 1 : n); j++)
-            lg_numbers_put(l, m[i * n + j] * (1.0 / lg_machine_unit_mass(machine, at[i], at[j])),
-                           "mass.%u.%u", at[i] + 1, at[j] + 1);
-    n = lg_machine_mass_velocities(machine, true, at);
-    seen.directions = true;
-    if (n > 0) lg_numbers_read(l, good ? term->kind->record(l->tape, &l->vars, index, &seen) : LG_NONE, n, m);
-    for (uint32_t i = 0; i < n; i++)
-        lg_numbers_put(l, m[i] * (1.0 / lg_machine_unit_mass(machine, at[i], at[i])), "mass.%u.%u", at[i] + 1,
-                       at[i] + 1);
+    for (int directions = 0; directions < 2; directions++) {
+        const lg_machine_seen seen = {.rows = 1, .directions = directions};
+        if (lg_machine_mass_velocities(machine, directions, at) == 0) continue;
+        const lg_var M = good ? term->kind->record(l->tape, &l->vars, index, &seen) : LG_NONE;
+        lg_numbers_put_mass(l, machine, M, directions, diagonal || directions);
+    }
 }
 
 /* ---- potentials ---- */

@@ -94,15 +94,26 @@ static lg_status open_state(const recording *r, lg_tape *tape, const lg_var *the
     return lg_taped_split(tape, &r->full, times(tape, x, r->state, (uint32_t)r->full.dim, true), parts);
 }
 
-static lg_status value(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const recording *r = user;
-    lg_machine_vars vars;
-    lg_var parts[LG_TAPED_MAX_PARTS];
-    LG_TRY(open_state(r, tape, theta, x[0], &vars, parts));
-    const lg_var H = lg_machine_record_energy(tape, &vars, parts);
-    y[0] = times(tape, H, &r->machine->scales.energy, 1, false);
-    return lg_tape_status(tape);
+/* A function of a state: `recorded`, in scaled units, times its factors (count). */
+#define OF_STATE(name, recorded, factors, count)                                                             \
+    static lg_status name(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {      \
+        const recording *r = user;                                                                           \
+        lg_machine_vars vars;                                                                                \
+        lg_var parts[LG_TAPED_MAX_PARTS];                                                                    \
+        LG_TRY(open_state(r, tape, theta, x[0], &vars, parts));                                              \
+        y[0] = times(tape, recorded, factors, count, false);                                                 \
+        return lg_tape_status(tape);                                                                         \
+    }
+
+static lg_var positions_of(const recording *r, lg_tape *tape, const lg_machine_vars *vars,
+                           const lg_var *parts) {
+    const lg_var q = lg_machine_record_positions(tape, vars, parts);
+    return r->seen == 0 ? q : lg_concat(tape, (lg_var[]){q, parts[lg_taped_parts(&r->space)]}, 2, 1);
 }
+
+OF_STATE(value, lg_machine_record_energy(tape, &vars, parts), &r->machine->scales.energy, 1)
+OF_STATE(velocities, lg_machine_record_velocities(tape, &vars, parts), r->velocities, r->machine->velocities)
+OF_STATE(positions, positions_of(r, tape, &vars, parts), r->positions, r->machine->positions + r->seen)
 
 static lg_status gradient(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     LG_TRY(value(user, tape, theta, x, y));
@@ -164,27 +175,6 @@ static lg_status momenta(void *user, lg_tape *tape, const lg_var *theta, const l
         parts[lg_taped_parts(&r->space)] = zeros;
     }
     y[0] = times(tape, lg_taped_join(tape, &r->full, parts), r->state, (uint32_t)r->full.dim, false);
-    return lg_tape_status(tape);
-}
-
-static lg_status velocities(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const recording *r = user;
-    lg_machine_vars vars;
-    lg_var parts[LG_TAPED_MAX_PARTS];
-    LG_TRY(open_state(r, tape, theta, x[0], &vars, parts));
-    const lg_var v = lg_machine_record_velocities(tape, &vars, parts);
-    y[0] = times(tape, v, r->velocities, r->machine->velocities, false);
-    return lg_tape_status(tape);
-}
-
-static lg_status positions(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const recording *r = user;
-    lg_machine_vars vars;
-    lg_var parts[LG_TAPED_MAX_PARTS];
-    LG_TRY(open_state(r, tape, theta, x[0], &vars, parts));
-    lg_var q = lg_machine_record_positions(tape, &vars, parts);
-    if (r->seen > 0) q = lg_concat(tape, (lg_var[]){q, parts[lg_taped_parts(&r->space)]}, 2, 1);
-    y[0] = times(tape, q, r->positions, r->machine->positions + r->seen, false);
     return lg_tape_status(tape);
 }
 
@@ -367,13 +357,13 @@ static lg_status build(const lg_context *context, recording *r, const double *th
         {"positions", in, 1, &logged[0], 1, positions, r},
     };
     const lg_parameter_spec weights = {"theta", lg_shape1((uint32_t)machine->parameters), theta};
-    lg_program_spec spec;
-    lg_program_spec_init(&spec);
-    spec.parameters = &weights;
-    spec.parameter_count = machine->parameters > 0 ? 1 : 0;
-    spec.functions = functions;
-    spec.function_count = LG_COUNT(functions);
-    spec.description = "a learned machine with inputs and damping, in the units of its log";
+    const lg_program_spec spec = {.size = sizeof spec,
+                                  .parameters = &weights,
+                                  .parameter_count = machine->parameters > 0 ? 1 : 0,
+                                  .functions = functions,
+                                  .function_count = LG_COUNT(functions),
+                                  .description =
+                                      "a learned machine with inputs and damping, in the units of its log"};
     return lg_program_build(context, &spec, out, error);
 }
 

@@ -129,6 +129,17 @@ void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log
         }
 }
 
+lg_status lg_machine_record_rows(lg_tape *tape, const lg_machine_problem *problem, const size_t *at,
+                                 size_t count, lg_var *positions, lg_var *velocities) {
+    const lg_machine *machine = problem->machine;
+    void *memory[2];
+    *positions = lg_input_buffer(tape, lg_shape2((uint32_t)count, machine->positions), &memory[0]);
+    *velocities = lg_input_buffer(tape, lg_shape2((uint32_t)count, machine->velocities), &memory[1]);
+    LG_TRY(lg_tape_status(tape));
+    lg_machine_scaled_rows(machine, &problem->log, at, count, memory[0], memory[1]);
+    return LG_OK;
+}
+
 void lg_machine_shown_row(const lg_machine *machine, const lg_machine_log *log, size_t row, double *positions,
                           double *shown) {
     lg_machine_scaled_rows(machine, log, &row, 1, positions, shown);

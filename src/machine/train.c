@@ -57,20 +57,6 @@ static lg_status put_given(lg_tape *tape, const points *p, double factor, given 
     return LG_OK;
 }
 
-/* Logged positions and velocities at the starts of the samples. */
-static lg_status put_starts(lg_tape *tape, const points *p, size_t *at, lg_var *positions,
-                            lg_var *velocities) {
-    const lg_machine *machine = p->problem->machine;
-    const uint32_t rows = (uint32_t)p->count;
-    void *memory[2];
-    *positions = lg_input_buffer(tape, lg_shape2(rows, machine->positions), &memory[0]);
-    *velocities = lg_input_buffer(tape, lg_shape2(rows, machine->velocities), &memory[1]);
-    LG_TRY(lg_tape_status(tape));
-    for (size_t s = 0; s < p->count; s++) at[s] = row_of(p, 0, s);
-    lg_machine_scaled_rows(machine, &p->problem->log, at, p->count, memory[0], memory[1]);
-    return LG_OK;
-}
-
 /* ---- predictions of windows ---- */
 
 /* Parameters of the samples' starts, (B, numbers). */
@@ -92,7 +78,8 @@ static lg_status predict(lg_tape *tape, const points *p, const lg_machine_flow *
     const size_t parts = lg_taped_parts(&flow->space);
     size_t at[LG_FIT_CHUNK];
     lg_var positions, velocities;
-    LG_TRY(put_starts(tape, p, at, &positions, &velocities));
+    for (size_t s = 0; s < p->count; s++) at[s] = row_of(p, 0, s);
+    LG_TRY(lg_machine_record_rows(tape, problem, at, p->count, &positions, &velocities));
     if (lg_machine_starts_estimated(problem))
         LG_TRY(lg_machine_move_starts(tape, problem, flow->vars, start_parameters(tape, p, theta), positions,
                                       velocities, predicted));

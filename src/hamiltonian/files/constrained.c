@@ -23,8 +23,11 @@ lg_status lg_h5_put_constraint(lg_h5 *h5, const lg_constraint *constraint, lg_er
     return lg_program_put_functions(h5, program, error);
 }
 
-lg_status lg_hash_image(const lg_context *context, const lg_function_image *image, lg_sha256 *state) {
+lg_status lg_hash_function(const lg_context *context, const lg_program *program, size_t function,
+                           lg_sha256 *state) {
+    LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
     size_t size;
+    LG_TRY(lg_function_image_create(program, function, &image));
     LG_TRY(lg_function_pack(image, NULL, &size, NULL));
     LG_TRY_SCRATCH(char, bytes, context, size, LG_OUT_OF_MEMORY);
     LG_TRY(lg_function_pack(image, bytes, &size, NULL));
@@ -33,12 +36,9 @@ lg_status lg_hash_image(const lg_context *context, const lg_function_image *imag
 }
 
 lg_status lg_constraint_hash(const lg_constraint *constraint, lg_sha256 *state) {
-    const lg_program *program = lg_constraint_program(constraint);
-    LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
     size_t function;
-    LG_TRY(lg_program_find(program, "constraint", &function, NULL));
-    LG_TRY(lg_function_image_create(program, function, &image));
-    return lg_hash_image(NULL, image, state);
+    LG_TRY(lg_program_find(lg_constraint_program(constraint), "constraint", &function, NULL));
+    return lg_hash_function(NULL, lg_constraint_program(constraint), function, state);
 }
 
 lg_status lg_constrained_size(const char *path, lg_trajectories *data, lg_error *error) {

@@ -11,9 +11,9 @@
 lg_status lg_h5_constraint(lg_h5 *h5, const lg_program *given, lg_constraint **out, lg_error *error);
 /* Writes the functions of the constraint of trajectories. */
 lg_status lg_h5_put_constraint(lg_h5 *h5, const lg_constraint *constraint, lg_error *error);
-/* Adds the bytes of a packed function to the hash. */
-lg_status lg_hash_image(const lg_context *context, const lg_function_image *image, lg_sha256 *state);
-/* Adds the functions to the hash. */
+/* Add the bytes of a packed function of the program to the hash; the function `constraint`. */
+lg_status lg_hash_function(const lg_context *context, const lg_program *program, size_t function,
+                           lg_sha256 *state);
 lg_status lg_constraint_hash(const lg_constraint *constraint, lg_sha256 *state);
 /* Sets the family and n from data->constraint, and checks the size of a state. */
 lg_status lg_constrained_size(const char *path, lg_trajectories *data, lg_error *error);

@@ -11,10 +11,6 @@
 
 /* ---- the run ---- */
 
-static uint32_t hidden_layers(const lg_hamiltonian *model) {
-    return model->net.layers > 0 && model->net.layers <= LG_MLP_MAX_LAYERS ? model->net.layers - 1 : 0;
-}
-
 enum { SCALES = sizeof(lg_hamiltonian_scales) / sizeof(double) };
 _Static_assert(sizeof(lg_hamiltonian_scales) == SCALES * sizeof(double),
                "scales are numbers one after the other");
@@ -70,7 +66,7 @@ static lg_status make(void *user, lg_error *why) {
     if (run->scheme == NULL) run->scheme = lg_scheme_at(0);
     const lg_status status =
         lg_hamiltonian_init(model, read.family, read.n, read.potential, read.net.width + 1,
-                            hidden_layers(&read), read.net.activation);
+                            read.net.layers > 0 ? read.net.layers - 1 : 0, read.net.activation);
     if (status != LG_OK) return lg_fail(why, status, "/model: attributes links and hidden are out of range");
     if (!fit(&read.scales, model->family))
         return lg_fail(why, LG_INVALID_ARGUMENT, "/model: attribute scales is out of range");
@@ -158,17 +154,13 @@ LG_RECIPE(hamiltonian, "checkpoint", LG_MADE(lg_hamiltonian_run, model.net), .it
 
 /* ---- recording errors in a model file ---- */
 
-/* The parameter x as a file of this type stores it. */
-static double stored_as(lg_dtype dtype, double x) {
-    return dtype == LG_F32 ? (double)(float)x : x;
-}
-
 static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged,
                               const lg_hamiltonian_file *stored, lg_error *error) {
     LG_TRY(lg_recipe_compare_runs(&lg_recipe_hamiltonian, &stored->run, &judged->run, h5->path, error));
+    const bool single = judged->run.training.dtype == LG_F32; /* as the file stores parameters */
     bool same = judged->parameters == stored->parameters;
     for (size_t i = 0; same && i < stored->parameters; i++)
-        same = stored->theta[i] == stored_as(judged->run.training.dtype, judged->theta[i]);
+        same = stored->theta[i] == (single ? (double)(float)judged->theta[i] : judged->theta[i]);
     return same ? LG_OK
                 : lg_fail(error, LG_INVALID_ARGUMENT,
                           "%s: the parameters in this file are not the parameters that were judged",

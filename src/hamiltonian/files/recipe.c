@@ -5,7 +5,9 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "hamiltonian/files/constrained.h"
 #include "hamiltonian/learned.h"
+#include "model/files/program_file.h"
 #include "model/files/training.h"
 
 enum { STREAM_WEIGHTS = 1 };
@@ -30,16 +32,14 @@ static lg_status read_data(lg_training *self, lg_error *error) {
     lg_read_options reading;
     lg_read_options_init(&reading);
     reading.project_starts = self->given(self, "initial-states") || self->resumed;
-    lg_program *constraint = NULL;
+    LG_CLEAN(lg_program_destroy_at) lg_program *constraint = NULL;
     const char *file = ((const lg_hamiltonian_state *)self->state)->constraint;
     if (file != NULL) LG_TRY(lg_program_load(self->context, file, NULL, &constraint, error));
     const lg_hamiltonian_file *model = self->file; /* evaluate: the constraint of the model */
     reading.constraint = constraint;
     if (constraint == NULL && model != NULL && model->constraint != NULL)
         reading.constraint = lg_constraint_program(model->constraint);
-    const lg_status status = lg_trajectories_read(self->context, path, &reading, data, error);
-    lg_program_destroy(constraint);
-    if (status != LG_OK) return status;
+    LG_TRY(lg_trajectories_read(self->context, path, &reading, data, error));
     if (data->starts_off > 1e-6 && run->starts == LG_START_MEASURED)
         LG_WARN(self,
                 "%s: the first points were off the manifold by up to %.2g and are projected onto it; if they "
@@ -119,7 +119,7 @@ static lg_hamiltonian_problem problem_of(const lg_hamiltonian_run *run, const lg
                                     .substeps = run->substeps,
                                     .penalty = run->penalty,
                                     .penalty_form = run->penalty_form,
-                                    .penalty_integral = lg_penalty_named(run),
+                                    .penalty_integral = lg_first_integral_find(run->penalty_integral),
                                     .distance = run->distance,
                                     .starts = run->starts,
                                     .trajectories = data->count,
@@ -169,6 +169,32 @@ static void choose_integral(lg_training *self) {
     }
 }
 
+static lg_status hash_program(const lg_context *context, const lg_program *program, char *text) {
+    lg_sha256 sum;
+    lg_sha256_init(&sum);
+    for (size_t i = 0; i < lg_program_functions(program); i++) {
+        const char *name = lg_program_function_name(program, i);
+        lg_sha256_add(&sum, name, strlen(name) + 1);
+        LG_TRY(lg_hash_function(context, program, i, &sum));
+    }
+    for (size_t i = 0; i < lg_program_parameters(program); i++) {
+        const lg_parameter_spec parameter = lg_program_parameter(program, i);
+        lg_sha256_add_doubles(&sum, parameter.values, lg_shape_count(parameter.shape));
+    }
+    lg_sha256_finish(&sum, text);
+    return LG_OK;
+}
+
+lg_status lg_penalty_load(const lg_context *context, lg_hamiltonian_run *run, lg_program **out,
+                          lg_error *error) {
+    LG_CLEAN(lg_program_destroy_at) lg_program *made = NULL;
+    LG_TRY(lg_program_load(context, run->penalty_integral, NULL, &made, error));
+    const lg_status status = hash_program(context, made, run->penalty_sha256);
+    if (status != LG_OK)
+        return lg_fail(error, status, "%s: %s", run->penalty_integral, lg_status_sentence(status));
+    return LG_MOVE(out, made);
+}
+
 static void release_integral(lg_training *self) {
     lg_hamiltonian_state *s = self->state;
     lg_program_destroy(s->program);
@@ -183,7 +209,7 @@ static lg_status load_integral(lg_training *self, lg_error *error) {
     lg_error why = {LG_OK, ""};
     release_integral(self);
     run->penalty_sha256[0] = '\0';
-    if (run->penalty == 0 || lg_penalty_named(run) != NULL) return LG_OK;
+    if (run->penalty == 0 || lg_first_integral_find(run->penalty_integral) != NULL) return LG_OK;
     LG_TRY(lg_penalty_load(self->context, run, &s->program, error));
     if (lg_first_integral_from(s->program, &run->model, run->penalty_integral, &s->integral, &why) != LG_OK)
         return lg_fail(error, LG_FORMAT, "%s: %.300s", run->penalty_integral, why.message);
@@ -285,9 +311,10 @@ static lg_status draw_weights(lg_training *self, lg_error *error) {
 
 static lg_status warn_of_data(lg_training *self, const lg_hamiltonian_problem *problem, lg_error *error) {
     LG_TRY(lg_hamiltonian_warn_of_data(self->context, problem, self->paths[0]));
-    const lg_status status = lg_hamiltonian_warn_of_symmetry(self->context, problem);
+    lg_status status = lg_hamiltonian_warn_of_symmetry(self->context, problem);
     if (status != LG_OK) return lg_fail(error, status, "symmetry: %s", lg_status_sentence(status));
-    return lg_hamiltonian_warn_of_integral(self->context, problem, self->theta, error);
+    status = lg_hamiltonian_warn_of_integral(self->context, problem);
+    return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", lg_status_sentence(status));
 }
 
 static lg_status make_problem(lg_training *self, lg_error *error) {

@@ -22,8 +22,6 @@ extern const lg_field lg_hamiltonian_options[];
 extern const lg_field lg_grid_keys[];
 bool lg_grid_shares(const lg_field *row);
 
-/* The first integral of the penalty in the table; NULL: it is in a file. */
-const lg_first_integral *lg_penalty_named(const lg_hamiltonian_run *run);
 /* Loads the program of run->penalty_integral, which the caller destroys, and sets run->penalty_sha256. */
 lg_status lg_penalty_load(const lg_context *context, lg_hamiltonian_run *run, lg_program **out,
                           lg_error *error);

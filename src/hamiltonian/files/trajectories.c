@@ -49,6 +49,7 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system,
     size_t known_n;
     const lg_hamiltonian_family *known = lg_family_of(system, &known_n);
     if (known != NULL && (known != family || (known_n != 0 && known_n != n))) return LG_INVALID_ARGUMENT;
+    LG_CLEAN(lg_trajectories_destroy)
     lg_trajectories made = {.family = family,
                             .n = n,
                             .count = count,
@@ -63,13 +64,10 @@ lg_status lg_trajectories_create(const lg_context *context, const char *system,
     if (with_hamiltonian) made.hamiltonian = lg_alloc(context, count, sizeof(double));
     if (input_dim > 0) made.inputs = array3(context, count, points - 1, input_dim);
     if (made.t == NULL || made.data == NULL || (with_hamiltonian && made.hamiltonian == NULL) ||
-        (input_dim > 0 && made.inputs == NULL)) {
-        lg_trajectories_destroy(&made);
+        (input_dim > 0 && made.inputs == NULL))
         return LG_OUT_OF_MEMORY;
-    }
     for (size_t j = 0; j < points; j++) made.t[j] = t_end * ((double)j / (double)(points - 1));
-    *out = made;
-    return LG_OK;
+    return LG_GIVE(out, made);
 }
 
 lg_status lg_trajectories_set_constraint(lg_trajectories *data, const lg_program *program, lg_error *error) {
@@ -294,33 +292,22 @@ static void squeeze(char *text) {
     *to = '\0';
 }
 
-typedef enum layout_kind { LAYOUT_NONE, LAYOUT_NUMBERED, LAYOUT_BLOCKS, LAYOUT_UNKNOWN } layout_kind;
-
-/* Layout of squeezed text: NUMBERED q1 p1 q2 p2 ...; BLOCKS q p, or q1 q2 ... p1 p2 ...; else UNKNOWN. */
-static layout_kind layout_of(const lg_hamiltonian_family *family, const char *text) {
-    char numbered[32] = "", blocks[32] = "", counted[32];
+/* Whether squeezed text is a layout of the family: numbered, q1 p1 q2 p2 ..., or else q p or q1 q2 ... p1 p2
+ * .... No text is both a numbered layout and another one, whatever the families. */
+static bool is_layout(const lg_hamiltonian_family *family, const char *text, bool numbered) {
+    char all[32] = "", counted[32];
     (void)snprintf(counted, sizeof counted, "%s1%s2", family->layout[0], family->layout[0]);
-    for (const char *const *part = family->layout; *part != NULL; part++) {
-        (void)snprintf(numbered + strlen(numbered), sizeof numbered - strlen(numbered), "%s1", *part);
-        (void)snprintf(blocks + strlen(blocks), sizeof blocks - strlen(blocks), "%s", *part);
-    }
-    if (strncmp(text, numbered, strlen(numbered)) == 0) return LAYOUT_NUMBERED;
-    if (strcmp(text, blocks) == 0 || strncmp(text, counted, strlen(counted)) == 0) return LAYOUT_BLOCKS;
-    return LAYOUT_UNKNOWN;
+    for (const char *const *part = family->layout; *part != NULL; part++)
+        lg_append(all, sizeof all, "%s%s", *part, numbered ? "1" : "");
+    if (numbered) return strncmp(text, all, strlen(all)) == 0;
+    return strcmp(text, all) == 0 || strncmp(text, counted, strlen(counted)) == 0;
 }
 
-/* The kind of a layout of any family; squeezes the text. */
-static layout_kind parse_layout(char *text) {
-    squeeze(text);
-    if (text[0] == '\0') return LAYOUT_NONE;
-    layout_kind kind = LAYOUT_UNKNOWN;
-    for (size_t i = 0; i < lg_hamiltonian_family_count() && kind == LAYOUT_UNKNOWN; i++)
-        kind = layout_of(lg_hamiltonian_family_at(i), text);
-    return kind;
-}
-
-static layout_kind wanted_layout(const lg_hamiltonian_family *family) {
-    return family->numbered ? LAYOUT_NUMBERED : LAYOUT_BLOCKS;
+static bool is_any_layout(const char *text, bool numbered) {
+    bool found = false;
+    for (size_t i = 0; i < lg_hamiltonian_family_count(); i++)
+        found = found || is_layout(lg_hamiltonian_family_at(i), text, numbered);
+    return found;
 }
 
 static lg_status check_starts(read_call *call, lg_error *error) {
@@ -372,7 +359,7 @@ static const lg_hamiltonian_family *guess_family(const lg_trajectories *out, con
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
         family = lg_hamiltonian_family_at(i);
         if (family->constrained) continue;
-        const bool laid_out = layout[0] != '\0' && layout_of(family, layout) == wanted_layout(family) &&
+        const bool laid_out = layout[0] != '\0' && is_layout(family, layout, family->numbered) &&
                               (!family->numbered || out->state_dim >= numbers_per_copy(family));
         if (layout[0] == '\0' ? looks_like(family, out) : laid_out && has_size(family, out->state_dim))
             return family;
@@ -403,27 +390,27 @@ static lg_status check_system(read_call *call, lg_error *error) {
     if (out->constraint != NULL) return lg_constrained_size(call->path, out, error);
     LG_TRY(optional_text(call, "layout", layout, sizeof layout, error));
     const lg_hamiltonian_family *known = lg_family_of(out->system, &known_n);
-    const layout_kind kind = parse_layout(layout);
-    if (kind == LAYOUT_UNKNOWN)
+    squeeze(layout);
+    const bool laid_out = layout[0] != '\0', numbered = is_any_layout(layout, true);
+    if (laid_out && !numbered && !is_any_layout(layout, false))
         return lg_fail(error, LG_FORMAT,
                        "%s: attribute layout: is '%.100s', expected 'q1 p1 q2 p2 ...' or 'q p'", shown,
                        layout);
     const bool named = out->system[0] != '\0', listed = lg_system_parameters(out->system, NULL) != NULL;
-    if (known == NULL && named && kind == LAYOUT_NONE)
+    if (known == NULL && named && !laid_out)
         return lg_fail(error, LG_FORMAT,
                        listed ? "%s: attribute system: '%s' fits no family of learned Hamiltonians; "
                                 "lg-identify learns other machines"
                               : "%s: attribute system: '%s' is not a known system; for other systems "
                                 "attribute layout is needed",
                        shown, out->system);
-    out->guessed = !named && kind == LAYOUT_NONE;
+    out->guessed = !named && !laid_out;
     out->family = known != NULL ? known : guess_family(out, layout);
     LG_TRY(check_size(out, shown, known_n, error));
     out->n = out->state_dim / numbers_per_copy(out->family);
-    const layout_kind wanted = wanted_layout(out->family);
-    if (kind != LAYOUT_NONE && kind != wanted && out->n > 1)
+    if (laid_out && numbered != out->family->numbered && out->n > 1)
         return lg_fail(error, LG_FORMAT, "%s: attribute layout: expected '%s' for %s", shown,
-                       wanted == LAYOUT_NUMBERED ? "q1 p1 q2 p2 ..." : "q p",
+                       out->family->numbered ? "q1 p1 q2 p2 ..." : "q p",
                        known != NULL ? out->system : "this system");
     return LG_OK;
 }
