@@ -380,6 +380,14 @@ typedef struct lg_machine_flow {
  * start and end, or LG_NONE. After an error `parts` are of no use. */
 lg_status lg_machine_variational_step(lg_tape *tape, const lg_machine_flow *flow, const lg_taped_span *over,
                                       const lg_var u[2], lg_var *parts);
+/* Binds theta to `vars`, and makes the flow of these. */
+lg_status lg_machine_begin_flow(lg_tape *tape, const lg_machine *machine, const lg_scheme *scheme,
+                                uint32_t substeps, lg_var theta, lg_machine_vars *vars,
+                                lg_machine_flow *flow);
+/* The state from z (B, numbers), positions and velocities in the order of logs and in scaled units; other
+ * numbers may follow. lg_machine_join_row is z of a state, behind which the bristles follow. */
+lg_status lg_machine_split_row(lg_tape *tape, const lg_machine_vars *vars, lg_var z, lg_var *parts);
+lg_var lg_machine_join_row(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
 /* Moves `parts` over one interval of the log: row i of the batch from row at[i] to the next one. */
 lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow, const lg_machine_log *log,
                                      const size_t *at, uint32_t count, lg_var *parts);

@@ -83,7 +83,7 @@ static lg_status run_chain(const lg_machine_problem *problem, lg_tape *tape, con
     if (memory == NULL) return lg_tape_status(tape);
     lg_chain_place(&c, memory);
     const lg_status status =
-        lg_machine_is_long(problem) ? lg_chain_pass_long(tape, &c, floor) : lg_chain_pass_window(tape, &c);
+        lg_machine_is_long(problem) ? lg_chain_pass_long(tape, &c, floor) : lg_chain_pass_windows(tape, &c);
     if (status == LG_OK) put_priors(&c, batch);
     lg_pool_give(tape, memory, bytes);
     *loss = c.loss;
