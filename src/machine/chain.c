@@ -11,7 +11,7 @@ size_t lg_chain_numbers(const lg_chain *c) {
     const size_t d = c->axes.count;
     const lg_machine *machine = c->problem->machine;
     const size_t shown = machine->accelerations ? machine->velocities * (c->columns + 1) : 0;
-    return c->count * (3 * c->axes.numbers + d * (d + c->shared) + c->shared + 2 * d * c->columns + shown);
+    return c->count * (3 * c->axes.numbers + d * d + c->shared + 2 * d * c->columns + shown);
 }
 
 void lg_chain_place(lg_chain *c, double *memory) {
@@ -20,8 +20,7 @@ void lg_chain_place(lg_chain *c, double *memory) {
     c->next = c->z + n;
     c->dz = c->next + n;
     c->A = c->dz + n;
-    c->B = c->A + c->count * d * d;
-    c->apart = c->B + c->count * d * c->shared;
+    c->apart = c->A + c->count * d * d;
     c->S = c->apart + c->count * c->shared;
     c->moved = c->S + c->count * d * c->columns;
     if (!c->problem->machine->accelerations) return;
@@ -56,8 +55,10 @@ typedef struct recorded {
 } recorded;
 
 /* Row i of the derivatives of `rows` numbers of each window, from the sum of this number over windows: by z
- * along the axes into A (count, rows, d), by theta into B (count, rows, shared). */
-static lg_status sweep(lg_tape *tape, lg_chain *c, const recorded *x, lg_var sum, size_t rows, size_t i) {
+ * along the axes into A (count, rows, d), by theta into the first columns of B (count, rows, columns), whose
+ * other columns become 0. */
+static lg_status sweep(lg_tape *tape, lg_chain *c, const recorded *x, lg_var sum, size_t rows, size_t i,
+                       double *B) {
     const size_t d = c->axes.count;
     void *const dz = c->dz;
     if (c->shared == 0)
@@ -68,22 +69,19 @@ static lg_status sweep(lg_tape *tape, lg_chain *c, const recorded *x, lg_var sum
         const size_t row = s * rows + i, at = s * c->axes.numbers;
         for (size_t j = 0; j < d; j++)
             c->A[row * d + j] = lg_row_axis_component(&c->axes.each[j], c->z + at, c->dz + at);
-        memcpy(c->B + row * c->shared, c->apart + s * c->shared, c->shared * sizeof *c->B);
+        memcpy(B + row * c->columns, c->apart + s * c->shared, c->shared * sizeof *B);
+        memset(B + row * c->columns + c->shared, 0, c->own * sizeof *B);
     }
     return LG_OK;
 }
 
-/* out (count, rows, columns): (B, 0) + A S, with the A and B of `rows` numbers. */
-static void follow(const lg_kernels *k, const lg_chain *c, size_t rows, double *out) {
+/* B (count, rows, columns) += A S, with the A of `rows` numbers. */
+static void follow(const lg_kernels *k, const lg_chain *c, size_t rows, double *B) {
     const size_t d = c->axes.count;
-    for (size_t i = 0; i < c->count * rows; i++) {
-        memcpy(out + i * c->columns, c->B + i * c->shared, c->shared * sizeof *out);
-        memset(out + i * c->columns + c->shared, 0, c->own * sizeof *out);
-    }
     if (c->point == 0 && c->own == 0) return; /* the start is known */
     for (size_t s = 0; s < c->count; s++)
         k->gemm(rows, c->columns, d, c->A + s * rows * d, d, 1, c->S + s * d * c->columns, c->columns,
-                out + s * rows * c->columns, c->columns, true);
+                B + s * rows * c->columns, c->columns, true);
 }
 
 /* Binds the machine's parameters: known ones, or the first parameters of the fit. */
@@ -119,7 +117,7 @@ lg_status lg_chain_interval(lg_tape *tape, lg_chain *c) {
     LG_TRY(lg_read(tape, to, c->count * c->axes.numbers, c->next));
     for (uint32_t i = 0; i < c->axes.count; i++) {
         const lg_mark mark = lg_tape_mark(tape);
-        LG_TRY(sweep(tape, c, &x, sum_along(tape, c, to, &c->axes.each[i]), c->axes.count, i));
+        LG_TRY(sweep(tape, c, &x, sum_along(tape, c, to, &c->axes.each[i]), c->axes.count, i, c->moved));
         LG_TRY(lg_tape_rewind(tape, mark));
     }
     return LG_OK;
@@ -186,7 +184,7 @@ static lg_status show_accelerations(lg_tape *tape, lg_chain *c) {
     LG_TRY(lg_read(tape, a, c->count * machine->velocities, c->a));
     for (uint32_t k = 0; k < machine->velocities; k++) {
         const lg_mark mark = lg_tape_mark(tape);
-        LG_TRY(sweep(tape, c, &x, lg_sum(tape, lg_slice(tape, a, 1, k, 1)), machine->velocities, k));
+        LG_TRY(sweep(tape, c, &x, lg_sum(tape, lg_slice(tape, a, 1, k, 1)), machine->velocities, k, c->of_a));
         LG_TRY(lg_tape_rewind(tape, mark));
     }
     follow(tape->k, c, machine->velocities, c->of_a);

@@ -61,7 +61,7 @@ typedef struct lg_chain {
     uint32_t point;          /* of the windows, from 0 on */
     double *z, *next;        /* (count, numbers): z of the current and of the next points */
     double *dz;              /* (count, numbers): gradient with respect to z */
-    double *A, *B;           /* (count, d, d), (count, d, shared): dF/dz, dF/dtheta */
+    double *A;               /* (count, d, d): dF/dz */
     double *apart;           /* (count, shared): gradient with respect to theta for each window */
     double *S, *moved;       /* (count, d, columns): S of the current and of the next points */
     /* Where accelerations are measured: those of the current points, (count, velocities), and their rows of
@@ -80,7 +80,7 @@ void lg_chain_place(lg_chain *c, double *memory);
 uint32_t lg_chain_first(const lg_machine_problem *problem);
 /* Sets z and S at the first points of all windows. */
 lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c);
-/* Fills `next`, A and B of the intervals from the current points. */
+/* Fills `next` and A of the intervals from the current points; `moved` becomes (dF/dtheta, 0). */
 lg_status lg_chain_interval(lg_tape *tape, lg_chain *c);
 /* The same by a plan (interval_plan.c). False: the machine has none. */
 bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c);
@@ -91,7 +91,7 @@ lg_status lg_chain_pass_windows(lg_tape *tape, lg_chain *c);
 /* ---- long windows (long_windows.c) ---- */
 
 /* Solves for all rows of the chain's only window, whose first point is the current one. *found false: it does
- * not succeed. lg_chain_take_interval then sets `next`, A and B from what was found. */
+ * not succeed. lg_chain_take_interval then does what lg_chain_interval does, from what was found. */
 lg_status lg_chain_solve_run(lg_tape *tape, const lg_chain *c, bool *found);
 void lg_chain_take_interval(lg_chain *c);
 /* As lg_chain_pass_windows, each window by itself. floor: if not NULL, it is computed in place of everything

@@ -154,9 +154,11 @@ static void take(const interval_plan *p, lg_chain *c, size_t from, size_t s) {
     const double *slopes = p->slopes + from * n * p->columns;
     memcpy(c->next + s * n, p->next + from * n, n * sizeof *c->next);
     for (size_t i = 0; i < d; i++) {
-        const size_t at = c->axes.each[i].first, row = s * d + i;
-        for (size_t j = 0; j < d; j++) c->A[row * d + j] = slopes[c->axes.each[j].first * n + at];
-        for (size_t j = 0; j < c->shared; j++) c->B[row * c->shared + j] = slopes[(n + j) * n + at];
+        double *out = c->moved + (s * d + i) * c->columns;
+        const size_t at = c->axes.each[i].first;
+        for (size_t j = 0; j < d; j++) c->A[(s * d + i) * d + j] = slopes[c->axes.each[j].first * n + at];
+        for (size_t j = 0; j < c->shared; j++) out[j] = slopes[(n + j) * n + at];
+        memset(out + c->shared, 0, c->own * sizeof *out);
     }
 }
 

@@ -36,6 +36,8 @@ static lg_status evaluate_run(lg_tape *tape, const lg_chain *c) {
     const lg_chain_run *x = c->run;
     const size_t n = c->axes.numbers, d = c->axes.count, all = c->problem->window - 1;
     lg_chain batch = *c;
+    batch.columns = c->shared;
+    batch.own = 0;
     batch.dz = x->dz;
     batch.apart = x->apart;
     for (size_t j = 0; j < all; j += batch.count) {
@@ -43,7 +45,7 @@ static lg_status evaluate_run(lg_tape *tape, const lg_chain *c) {
         batch.z = x->z + j * n;
         batch.next = x->F + j * n;
         batch.A = x->A + j * d * d;
-        batch.B = x->B + j * d * c->shared;
+        batch.moved = x->B + j * d * c->shared;
         for (size_t s = 0; s < batch.count; s++) batch.at[s] = c->at[0] + j + s;
         LG_TRY(lg_chain_interval(tape, &batch));
     }
@@ -107,7 +109,10 @@ void lg_chain_take_interval(lg_chain *c) {
     const size_t j = c->point, d = c->axes.count;
     c->next = c->run->z + (j + 1) * c->axes.numbers;
     c->A = c->run->A + j * d * d;
-    c->B = c->run->B + j * d * c->shared;
+    for (size_t i = 0; i < d; i++) {
+        memcpy(c->moved + i * c->columns, c->run->B + (j * d + i) * c->shared, c->shared * sizeof *c->moved);
+        memset(c->moved + i * c->columns + c->shared, 0, c->own * sizeof *c->moved);
+    }
 }
 
 /* The part of the loss of one window that comes from the steps: see shard_floor. */
