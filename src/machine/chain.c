@@ -160,13 +160,13 @@ lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c) {
                  velocities = lg_input_buffer(tape, lg_shape2(rows, machine->velocities), &memory[1]);
     LG_TRY(lg_tape_status(tape));
     memset(c->z, 0, c->count * n * sizeof *c->z);
+    for (size_t s = 0; s < c->count; s++) c->at[s] = c->problem->start[c->samples[s]];
+    lg_machine_scaled_rows(machine, &c->problem->log, c->at, c->count, memory[0], memory[1]);
     for (size_t s = 0; s < c->count; s++) {
-        double *q = (double *)memory[0] + s * machine->positions,
-               *v = (double *)memory[1] + s * machine->velocities;
-        c->at[s] = c->problem->start[c->samples[s]];
-        lg_machine_scaled_rows(machine, &c->problem->log, &c->at[s], 1, q, v);
-        memcpy(c->z + s * n, q, machine->positions * sizeof *q);
-        memcpy(c->z + s * n + machine->positions, v, machine->velocities * sizeof *v);
+        const double *q = memory[0], *v = memory[1];
+        memcpy(c->z + s * n, q + s * machine->positions, machine->positions * sizeof *q);
+        memcpy(c->z + s * n + machine->positions, v + s * machine->velocities,
+               machine->velocities * sizeof *v);
     }
     return c->own > 0 ? move_starts(tape, c, positions, velocities) : LG_OK;
 }
@@ -223,8 +223,9 @@ static void keep_all_across(const lg_chain *c, size_t row, double *r, double *ja
     double along[LG_MACHINE_VELOCITIES];
     lg_machine_along_row(c->problem, row, along);
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
-        if (machine->coordinates[i].kind != LG_COORDINATE_DIRECTION) continue;
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const uint32_t first = at.velocity;
+        if (at.directions == 0) continue;
         keep_across(along + first, r + first, 1);
         for (size_t j = 0; j < c->columns; j++)
             keep_across(along + first, jacobian + first * c->columns + j, c->columns);

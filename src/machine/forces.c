@@ -150,14 +150,10 @@ static lg_var known_map(lg_tape *tape, const lg_machine_vars *vars, uint32_t ter
                         const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
     const uint32_t n = machine->velocities, m = machine->input_count;
-    uint32_t index[LG_MACHINE_VALUES];
     double left[LG_MACHINE_VELOCITIES], factor[LG_MACHINE_VALUES];
     left_scales(machine, left);
-    for (uint32_t i = 0; i < n * m; i++) {
-        index[i] = i;
-        factor[i] = left[i / m] * machine->scales.input[i % m];
-    }
-    const lg_var B = lg_machine_record_entries(tape, vars, term, n * m, index, factor);
+    for (uint32_t i = 0; i < n * m; i++) factor[i] = left[i / m] * machine->scales.input[i % m];
+    const lg_var B = lg_machine_record_entries(tape, vars, term, n * m, NULL, factor);
     return lg_matmul_nt(tape, seen->u, lg_reshape(tape, B, lg_shape2(n, m)));
 }
 

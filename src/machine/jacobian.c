@@ -44,13 +44,12 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
     lg_machine_along_row(problem, row, along);
     for (uint32_t i = 0; i < machine->positions + machine->velocities; i++) share[i] = share[i] != 0.0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
         const double position = factor * noise->position[i] / problem->position_scale[i],
                      velocity = factor * noise->velocity[i] / problem->velocity_scale[i];
         double *of_q = share + at.position, *of_v = share + machine->positions + at.velocity;
-        for (uint32_t k = 0; k < lg_coordinate_positions(kind); k++) of_q[k] *= position * position;
-        for (uint32_t k = 0; k < lg_coordinate_row_of(kind)->velocities; k++) of_v[k] *= velocity * velocity;
+        for (uint32_t k = 0; k < at.positions; k++) of_q[k] *= position * position;
+        for (uint32_t k = 0; k < at.velocities; k++) of_v[k] *= velocity * velocity;
     }
     for (uint32_t i = 0; i < all.seen; i++) {
         const lg_row_axis *a = &all.each[i];

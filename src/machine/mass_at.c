@@ -14,16 +14,14 @@ enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_COORDINATES };
 static uint32_t embed(const lg_machine *machine, const double *positions, double *out) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
-        const double *q = positions + lg_machine_offsets_of(machine, i).position;
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const double *q = positions + at.position;
         if (!lg_machine_sees(machine, LG_MACHINE_MASS, i)) continue;
-        if (kind == LG_COORDINATE_ANGLE) {
+        if (at.angle) {
             out[count++] = sin(*q);
             out[count++] = cos(*q);
-            continue;
         }
-        memcpy(out + count, q, lg_coordinate_positions(kind) * sizeof *out);
-        count += lg_coordinate_positions(kind);
+        for (uint32_t k = 0; k < at.positions && !at.angle; k++) out[count++] = q[k];
     }
     return count;
 }
@@ -99,10 +97,7 @@ static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const 
     if (l->status == LG_OK) l->status = lg_machine_record_rest(l->tape, &l->vars, positions, parts);
     if (l->status == LG_OK) M = lg_machine_record_mass(l->tape, &l->vars, parts);
     lg_numbers_read(l, M, (size_t)n * n, m);
-    for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = i; j < n; j++)
-            lg_numbers_put(l, m[i * n + j] * (1.0 / lg_machine_unit_mass(machine, at[i], at[j])),
-                           "mass.%u.%u", at[i] + 1, at[j] + 1);
+    lg_numbers_put_mass(l, machine, n, at, m, false);
 }
 
 /* If a mass is a network, the entries of M at `positions` replace the numbers of all mass terms, except the
