@@ -160,6 +160,7 @@ lg_status lg_chain_pass_long(lg_tape *tape, lg_chain *all, double *floor) {
         }
         status = floor != NULL ? add_floor(tape, &one, floor) : lg_chain_pass_windows(tape, &one);
         loss += one.loss;
+        all->done = one.done;
     }
     all->loss = loss;
     lg_pool_give(tape, memory, bytes);
