@@ -288,14 +288,23 @@ static void move(const lg_kernels *k, lg_chain *c) {
     for (size_t s = 0; s < c->count; s++) c->at[s]++;
 }
 
+/* Does what lg_chain_interval does, from the run. */
+static void take_interval(lg_chain *c) {
+    const size_t j = c->point, d = c->axes.count;
+    c->next = c->run->z + (j + 1) * c->axes.numbers;
+    c->A = c->run->A + j * d * d;
+    for (size_t i = 0; i < d; i++) {
+        memcpy(c->moved + i * c->columns, c->run->B + (j * d + i) * c->shared, c->shared * sizeof *c->moved);
+        memset(c->moved + i * c->columns + c->shared, 0, c->own * sizeof *c->moved);
+    }
+}
+
 lg_status lg_chain_pass_windows(lg_tape *tape, lg_chain *c) {
-    bool solved = false;
     LG_TRY(lg_chain_first_points(tape, c));
-    if (c->run != NULL) LG_TRY(lg_chain_solve_run(tape, c, &solved));
     if (lg_chain_first(c->problem) == 0) LG_TRY(put_points(tape, c));
     while (c->point + 1 < c->problem->window) {
-        if (solved)
-            lg_chain_take_interval(c);
+        if (c->run != NULL)
+            take_interval(c);
         else
             LG_TRY(lg_chain_interval(tape, c));
         move(tape->k, c);

@@ -46,7 +46,11 @@ double lg_row_axis_component(const lg_row_axis *a, const double *z, const double
 
 /* ---- chains: windows that are passed from row to row (chain.c) ---- */
 
-typedef struct lg_chain_run lg_chain_run;
+/* All rows of one window of M rows that are solved for together (long_windows.c). */
+typedef struct lg_chain_run {
+    double *z, *F, *A, *B; /* (M, numbers), (M - 1, numbers), (M - 1, d, d), (M - 1, d, shared) */
+    double *dz, *apart;    /* of LG_FIT_CHUNK rows */
+} lg_chain_run;
 
 typedef struct lg_chain {
     const lg_machine_problem *problem;
@@ -70,7 +74,7 @@ typedef struct lg_chain {
     double *r, *jacobian; /* NULL: only the loss is computed, of a machine without directions */
     double loss;
     size_t done;             /* rows of r and jacobian that are filled in each window */
-    const lg_chain_run *run; /* of one long window, else NULL */
+    const lg_chain_run *run; /* NULL: each interval is computed when it is passed */
 } lg_chain;
 
 /* Numbers of memory that a chain needs, and its places in them. */
@@ -84,16 +88,11 @@ lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c);
 lg_status lg_chain_interval(lg_tape *tape, lg_chain *c);
 /* The same by a plan (interval_plan.c). False: the machine has none. */
 bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c);
-/* All points of all windows; a `run` is solved first, and the window is passed from row to row if that
- * fails. */
+/* All points of all windows; intervals come from `run`, which has been solved for, if it is not NULL. */
 lg_status lg_chain_pass_windows(lg_tape *tape, lg_chain *c);
 
 /* ---- long windows (long_windows.c) ---- */
 
-/* Solves for all rows of the chain's only window, whose first point is the current one. *found false: it does
- * not succeed. lg_chain_take_interval then does what lg_chain_interval does, from what was found. */
-lg_status lg_chain_solve_run(lg_tape *tape, const lg_chain *c, bool *found);
-void lg_chain_take_interval(lg_chain *c);
 /* As lg_chain_pass_windows, each window by itself. floor: if not NULL, it is computed in place of everything
  * else. */
 lg_status lg_chain_pass_long(lg_tape *tape, lg_chain *all, double *floor);

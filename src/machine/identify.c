@@ -202,7 +202,7 @@ static void put_information(const normal *s, bool prior, double *out) {
 }
 
 /* W (n, n), column-major, such that W W^T is the inverse of J^T J/s^2 + D^-2, with D the bounds. Rows of the
- * factor whose pivot is below 1e-12 of the largest are rounding error and are set to 0. `work` has (3 n, n). */
+ * factor whose pivot is below 1e-12 of the largest are rounding error and are set to 0. `work`: (3 n, n). */
 static lg_status invert(const normal *s, bool prior, double *work, int *order, double *W) {
     static const double nothing = 1e-12;
     const size_t n = s->n;

@@ -11,11 +11,6 @@
  * is the change of z_{j+1}. A machine whose runs do not spread fast needs few rounds. */
 enum { LONG = 512, ROUNDS = 12 };
 
-struct lg_chain_run {
-    double *z, *F, *A, *B; /* (M, numbers), (M - 1, numbers), (M - 1, d, d), (M - 1, d, shared) */
-    double *dz, *apart;    /* of LG_FIT_CHUNK rows */
-};
-
 static size_t run_numbers(const lg_chain *c) {
     const size_t M = c->problem->window, d = c->axes.count, n = c->axes.numbers;
     return M * (2 * n + d * (d + c->shared)) + LG_FIT_CHUNK * (n + c->shared);
@@ -86,7 +81,8 @@ static void guess_run(const lg_chain *c) {
     }
 }
 
-lg_status lg_chain_solve_run(lg_tape *tape, const lg_chain *c, bool *found) {
+/* Solves for all rows of the only window. *found false: the rounds do not converge. */
+static lg_status solve_run(lg_tape *tape, const lg_chain *c, bool *found) {
     static const double enough = 1e-10, beyond = 1e6;
     guess_run(c);
     *found = false;
@@ -105,14 +101,13 @@ static bool along_only(const lg_row_axes *all) {
     return true;
 }
 
-void lg_chain_take_interval(lg_chain *c) {
-    const size_t j = c->point, d = c->axes.count;
-    c->next = c->run->z + (j + 1) * c->axes.numbers;
-    c->A = c->run->A + j * d * d;
-    for (size_t i = 0; i < d; i++) {
-        memcpy(c->moved + i * c->columns, c->run->B + (j * d + i) * c->shared, c->shared * sizeof *c->moved);
-        memset(c->moved + i * c->columns + c->shared, 0, c->own * sizeof *c->moved);
-    }
+/* A window that cannot be solved for is passed from row to row. */
+static lg_status pass_long(lg_tape *tape, lg_chain *c) {
+    bool found;
+    LG_TRY(lg_chain_first_points(tape, c));
+    LG_TRY(solve_run(tape, c, &found));
+    if (!found) c->run = NULL;
+    return lg_chain_pass_windows(tape, c);
 }
 
 /* The part of the loss of one window that comes from the steps: see shard_floor. */
@@ -125,11 +120,11 @@ static lg_status add_floor(lg_tape *tape, lg_chain *c, double *floor) {
     bool found[2] = {false, false};
     if (before == NULL) return lg_tape_status(tape);
     lg_status status = lg_chain_first_points(tape, c);
-    if (status == LG_OK) status = lg_chain_solve_run(tape, c, &found[0]);
+    if (status == LG_OK) status = solve_run(tape, c, &found[0]);
     memcpy(before, c->run->z, bytes);
     twice.substeps *= 2;
     c->problem = &twice;
-    if (status == LG_OK) status = lg_chain_solve_run(tape, c, &found[1]);
+    if (status == LG_OK) status = solve_run(tape, c, &found[1]);
     c->problem = once;
     if (!found[0] || !found[1]) *floor = NAN;
     for (uint32_t j = lg_chain_first(once); status == LG_OK && j < once->window; j++) {
@@ -158,7 +153,7 @@ lg_status lg_chain_pass_long(lg_tape *tape, lg_chain *all, double *floor) {
             one.r = all->r + s * all->rows;
             one.jacobian = all->jacobian + s * all->rows * all->columns;
         }
-        status = floor != NULL ? add_floor(tape, &one, floor) : lg_chain_pass_windows(tape, &one);
+        status = floor != NULL ? add_floor(tape, &one, floor) : pass_long(tape, &one);
         loss += one.loss;
         all->done = one.done;
     }
