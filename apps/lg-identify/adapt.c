@@ -104,13 +104,12 @@ static void find_forces(const app *self, const adapting *a, double *force) {
     identify_run_log(self, model, &a->begin, &runs);
     identify_values(self, model, rows, runs.q, runs.v, NULL, friction);
     for (size_t k = 0; k < nv; k++) {
-        double sum = 0;
-        size_t counted = 0;
+        lg_squares s = {0, 0};
         for (size_t row = 0; row < rows; row++) {
             const double f = friction[row * nv + k];
-            if (isfinite(f)) sum += f * f, counted++;
+            lg_squares_add(&s, isfinite(f) ? f : NAN);
         }
-        force[k] = counted > 0 ? LG_ADAPT_SIGMA * sqrt(sum / (double)counted) : 0;
+        force[k] = s.count > 0 ? LG_ADAPT_SIGMA * lg_squares_root(&s) : 0;
         largest = fmax(largest, force[k]);
     }
     for (size_t k = 0; k < nv; k++) {
@@ -152,13 +151,12 @@ static double loss_at_rest(const adapting *a) {
     const lg_machine_model_run *run = &a->to.run;
     const lg_machine *machine = &run->machine;
     const size_t nq = machine->positions, nv = machine->velocities;
-    const double *q = a->begin.q, *v = a->begin.v;
     double sum = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
-        const size_t width = lg_coordinate_positions(kind), rates = lg_coordinate_row_of(kind)->velocities;
-        for (size_t k = 0; k < width + rates; k++) {
-            const double *x = k < width ? q + k : v + k - width,
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const size_t width = at.positions;
+        for (size_t k = 0; k < width + at.velocities; k++) {
+            const double *x = k < width ? a->begin.q + at.position + k : a->begin.v + at.velocity + k - width,
                          scale = k < width ? run->position_scale[i] : run->velocity_scale[i];
             double mean = 0, square = 0;
             size_t n = 0;
@@ -168,7 +166,6 @@ static double loss_at_rest(const adapting *a) {
             }
             if (n > 0) sum += square / (double)n - mean * mean / (double)(n * n);
         }
-        q += width, v += rates;
     }
     return sum;
 }

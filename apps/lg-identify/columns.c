@@ -58,12 +58,11 @@ void identify_to_columns(const lg_machine_file *file, const double *q, const dou
                          double *columns) {
     for (uint32_t i = 0; i < file->machine.coordinate_count; i++) {
         const lg_log_coordinate *at = &file->coordinates[i];
-        const lg_coordinate_kind kind = file->machine.coordinates[i].kind;
+        const lg_machine_offsets of = lg_machine_offsets_of(&file->machine, i);
         memcpy(columns + at->place, q, at->places * sizeof *columns);
         if (at->attitudes > 0) put_attitude(at, q + at->places, before, columns);
         if (at->velocities > 0) put_velocity(at, q + at->places, v, columns);
-        q += lg_coordinate_positions(kind);
-        v += lg_coordinate_row_of(kind)->velocities;
+        q += of.positions, v += of.velocities;
     }
 }
 
@@ -144,17 +143,15 @@ void identify_column_errors(const identify_given *given, const identify_runs *ru
     const lg_machine_log *log = &given->data.logs.log;
     const double *q = runs->q, *v = runs->v;
     const size_t nq = file->machine.positions, nv = file->machine.velocities;
-    double error[LG_LOG_COLUMNS], sum[LG_LOG_COLUMNS] = {0};
-    size_t count[LG_LOG_COLUMNS] = {0};
+    double error[LG_LOG_COLUMNS];
+    lg_squares squares[LG_LOG_COLUMNS] = {{0, 0}};
     for (size_t row = 0; row < log->rows; row++) {
         if (isnan(q[row * nq]) && isnan(v[row * nv])) continue;
         identify_errors(file, q + row * nq, v + row * nv, log->q + row * nq, lg_log_shown(log) + row * nv,
                         error);
-        for (uint32_t c = 0; c < file->column_count; c++)
-            if (!isnan(error[c])) sum[c] += error[c] * error[c], count[c]++;
+        for (uint32_t c = 0; c < file->column_count; c++) lg_squares_add(&squares[c], error[c]);
     }
-    for (uint32_t c = 0; c < file->column_count; c++)
-        out[c] = count[c] > 0 ? sqrt(sum[c] / (double)count[c]) : NAN;
+    for (uint32_t c = 0; c < file->column_count; c++) out[c] = lg_squares_root(&squares[c]);
 }
 
 /* ---- range of the training data ---- */
@@ -172,14 +169,13 @@ static void name_numbers(const lg_machine_file *file, number *out) {
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_machine_coordinate *c = &machine->coordinates[i];
         const lg_log_coordinate *at = &file->coordinates[i];
-        const uint32_t count = lg_coordinate_positions(c->kind),
-                       rates = lg_coordinate_row_of(c->kind)->velocities;
-        for (uint32_t k = 0; k < count; k++, position++) {
+        const lg_machine_offsets of = lg_machine_offsets_of(machine, i);
+        for (uint32_t k = 0; k < of.positions; k++, position++) {
             const bool measured = at->places + at->attitudes > 0;
             const bool same = measured && (k < at->places || at->attitudes != 4);
             const uint32_t column = k < at->places ? at->place + k : at->attitude + k - at->places;
             position->used = lg_machine_sees(machine, LG_MACHINE_PART_COUNT, i);
-            position->angle = c->kind == LG_COORDINATE_ANGLE;
+            position->angle = of.angle;
             if (same)
                 (void)snprintf(position->name, sizeof position->name, "column %s",
                                file->columns[column].name);
@@ -189,7 +185,7 @@ static void name_numbers(const lg_machine_file *file, number *out) {
                 (void)snprintf(position->name, sizeof position->name, "R%u%u of %s", (k - at->places) / 3 + 1,
                                (k - at->places) % 3 + 1, c->name);
         }
-        for (uint32_t k = 0; k < rates; k++, velocity++) {
+        for (uint32_t k = 0; k < of.velocities; k++, velocity++) {
             velocity->used = true;
             if (at->velocities > 0)
                 (void)snprintf(velocity->name, sizeof velocity->name, "column %s",

@@ -219,27 +219,22 @@ static void slope(const linear_model *linear, const double *q, const double *v, 
     for (size_t i = 0; i < linear->features; i++)
         for (size_t k = 0; k < nv; k++) dv[k] += linear->A[k * linear->features + i] * x[i];
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        const double *R = q + row->places, *rate = v + row->velocities - 3;
-        for (uint32_t k = 0; k < row->places; k++) dq[k] = row->rotations > 0 ? lg_dot3(R + 3 * k, v) : v[k];
-        if (row->directions > 0) lg_cross3(v, q, dq);
-        for (int r = 0; r < 3 && row->rotations > 0; r++)
-            lg_cross3(R + 3 * r, rate, dq + row->places + 3 * r);
-        q += lg_coordinate_positions(machine->coordinates[i].kind);
-        dq += lg_coordinate_positions(machine->coordinates[i].kind);
-        v += row->velocities;
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const double *R = q + at.places, *rate = v + at.velocities - 3;
+        for (uint32_t k = 0; k < at.places; k++) dq[k] = at.rotations > 0 ? lg_dot3(R + 3 * k, v) : v[k];
+        if (at.directions > 0) lg_cross3(v, q, dq);
+        for (int r = 0; r < 3 && at.rotations > 0; r++) lg_cross3(R + 3 * r, rate, dq + at.places + 3 * r);
+        q += at.positions, dq += at.positions, v += at.velocities;
     }
 }
 
 static void project(const lg_machine *machine, double *q) {
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        if (row->rotations > 0) lg_so3_project(q + row->places);
-        if (row->directions > 0) {
-            const double norm = sqrt(lg_dot3(q, q));
-            for (int k = 0; k < 3; k++) q[k] /= norm;
-        }
-        q += lg_coordinate_positions(machine->coordinates[i].kind);
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        double *own = q + at.position;
+        if (at.rotations > 0) lg_so3_project(own + at.places);
+        const double norm = at.directions > 0 ? sqrt(lg_dot3(own, own)) : 1;
+        for (int k = 0; k < 3 && at.directions > 0; k++) own[k] /= norm;
     }
 }
 

@@ -196,25 +196,24 @@ static double one_of(const lg_reals *by, bool velocity, double otherwise) {
 static void scatter(const lg_machine *machine, lg_rng *rng, const double *position, const double *velocity,
                     double *q, double *v) {
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
         double turn[3], turned[9];
-        for (uint32_t k = 0; k < row->places; k++) q[k] += position[i] * lg_rng_normal(rng);
+        for (uint32_t k = 0; k < at.places; k++) q[k] += position[i] * lg_rng_normal(rng);
         for (int k = 0; k < 3; k++) turn[k] = position[i] * lg_rng_normal(rng);
-        if (row->directions > 0) {
+        if (at.directions > 0) {
             lg_so3_exp_act(turn, q, turned);
             memcpy(q, turned, 3 * sizeof *q);
         }
-        if (row->rotations > 0) {
-            lg_so3_exp_multiply(turn, q + row->places, turned);
-            memcpy(q + row->places, turned, sizeof turned);
+        if (at.rotations > 0) {
+            lg_so3_exp_multiply(turn, q + at.places, turned);
+            memcpy(q + at.places, turned, sizeof turned);
         }
-        for (uint32_t k = 0; k < row->velocities; k++) v[k] += velocity[i] * lg_rng_normal(rng);
-        if (row->directions > 0) {
+        for (uint32_t k = 0; k < at.velocities; k++) v[k] += velocity[i] * lg_rng_normal(rng);
+        if (at.directions > 0) {
             const double along = lg_dot3(v, q);
             for (int k = 0; k < 3; k++) v[k] -= along * q[k];
         }
-        q += lg_coordinate_positions(machine->coordinates[i].kind);
-        v += row->velocities;
+        q += at.positions, v += at.velocities;
     }
 }
 

@@ -112,8 +112,7 @@ void identify_find_offsets(const app *self, const identify_given *given, const i
     if (!pushed_create(self, given, &p)) return;
     identify_runs with = identify_runs_begin(&given->model, &given->data.logs.log, 0);
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
-        if (kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE)
+        if (lg_machine_offsets_of(machine, i).positions == 1) /* a line or an angle */
             look_at(self, given, &p, runs, i, &with, &out[i]);
     }
 }

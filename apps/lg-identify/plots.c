@@ -157,20 +157,18 @@ static void put_terms(app_plot *plot, const identify_plot *of) {
     while (row + 1 < log->rows && !lg_machine_log_complete(machine, log, row, true)) row++;
     memcpy(s.middle, log->q + row * nq, nq * sizeof *s.middle);
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const uint32_t at = lg_machine_offsets_of(machine, i).position;
-        if (lg_coordinate_row_of(machine->coordinates[i].kind)->velocities == 1)
-            s.middle[at] = column_mean(log->q + at, log->rows, nq, &low, &high);
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        if (at.velocities == 1)
+            s.middle[at.position] = column_mean(log->q + at.position, log->rows, nq, &low, &high);
     }
     if (damped) s.lacking_count = identify_lacking(app_running(), of->given, &s.lacking_v, &s.lacking);
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_coordinate *c = &machine->coordinates[i];
-        const uint32_t rates = lg_coordinate_row_of(c->kind)->velocities;
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        for (uint32_t k = at.velocity; k < at.velocity + rates; k++) {
+        for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++) {
             char name[LG_MACHINE_NAME + 12];
             lg_machine_velocity_name(machine, k, name, sizeof name);
-            if (rates == 1 && lg_machine_sees(machine, LG_MACHINE_POTENTIAL, i))
-                put_term(plot, &s, name, at.position, false, c->kind == LG_COORDINATE_ANGLE);
+            if (at.velocities == 1 && lg_machine_sees(machine, LG_MACHINE_POTENTIAL, i))
+                put_term(plot, &s, name, at.position, false, at.angle);
             if (damped) put_term(plot, &s, name, k, true, false);
         }
     }

@@ -11,16 +11,6 @@
 
 /* ---- columns of inputs ---- */
 
-/* The matrix (count, columns) with a 1 in row i, column at[i]. */
-static lg_var places_of(lg_tape *tape, const uint32_t *at, uint32_t count, uint32_t columns) {
-    void *memory;
-    const lg_var out = lg_input_buffer(tape, lg_shape2(count, columns), &memory);
-    if (lg_is_none(out)) return out;
-    memset(memory, 0, (size_t)count * columns * sizeof(double));
-    for (uint32_t i = 0; i < count; i++) ((double *)memory)[i * columns + at[i]] = 1.0;
-    return out;
-}
-
 static bool is_all(const uint32_t *at, uint32_t count, uint32_t columns) {
     bool all = count == columns;
     for (uint32_t i = 0; i < count; i++) all = all && at[i] == i;
@@ -36,7 +26,7 @@ static lg_var chosen(lg_tape *tape, const lg_machine *machine, const lg_machine_
     uint32_t at[LG_MACHINE_INPUTS];
     inputs_of(term, at);
     if (is_all(at, term->of_count, machine->input_count)) return u;
-    return lg_matmul_nt(tape, u, places_of(tape, at, term->of_count, machine->input_count));
+    return lg_matmul_nt(tape, u, lg_machine_record_places(tape, at, term->of_count, machine->input_count));
 }
 
 /* u with `change` (B, of_count) added to the term's inputs. */
@@ -45,7 +35,8 @@ static lg_var changed(lg_tape *tape, const lg_machine *machine, const lg_machine
     uint32_t at[LG_MACHINE_INPUTS];
     inputs_of(term, at);
     if (!is_all(at, term->of_count, machine->input_count))
-        change = lg_matmul(tape, change, places_of(tape, at, term->of_count, machine->input_count));
+        change =
+            lg_matmul(tape, change, lg_machine_record_places(tape, at, term->of_count, machine->input_count));
     return lg_add(tape, u, change);
 }
 
@@ -82,14 +73,11 @@ static lg_var curve_numbers(lg_tape *tape, const lg_machine_vars *vars, uint32_t
     const lg_machine_term *own = &vars->machine->terms[term];
     const uint32_t each = own->degree - 1;
     const lg_shape shape = lg_shape2(own->of_count, each);
-    uint32_t index[LG_MACHINE_INPUTS * LG_MACHINE_DEGREE];
     double factor[LG_MACHINE_INPUTS * LG_MACHINE_DEGREE];
     if (own->value_count == 0) return lg_reshape(tape, vars->theta[term], shape);
-    for (uint32_t i = 0; i < own->value_count; i++) {
-        index[i] = i;
+    for (uint32_t i = 0; i < own->value_count; i++)
         factor[i] = pow(vars->machine->scales.input[own->of[i / each].index], i % each + 1.0);
-    }
-    return lg_reshape(tape, lg_machine_record_entries(tape, vars, term, own->value_count, index, factor),
+    return lg_reshape(tape, lg_machine_record_entries(tape, vars, term, own->value_count, NULL, factor),
                       shape);
 }
 
@@ -118,14 +106,6 @@ static size_t one_each(const lg_machine *machine, const lg_machine_term *term) {
     return term->of_count;
 }
 
-/* factor[i] times the value of the term's input i, (1, of_count). */
-static lg_var scaled_values(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const double *factor) {
-    uint32_t index[LG_MACHINE_INPUTS];
-    const uint32_t count = vars->machine->terms[term].of_count;
-    for (uint32_t i = 0; i < count; i++) index[i] = i;
-    return lg_machine_record_entries(tape, vars, term, count, index, factor);
-}
-
 static void dead_zone_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
                             lg_entry_about *out) {
     const uint32_t input = term->of[index].index;
@@ -141,8 +121,9 @@ static lg_var dead_zone(lg_tape *tape, const lg_machine_vars *vars, uint32_t ter
     const lg_shape shape = lg_shape2(1, own->of_count);
     double factor[LG_MACHINE_INPUTS];
     for (uint32_t i = 0; i < own->of_count; i++) factor[i] = 1.0 / machine->scales.input[own->of[i].index];
-    const lg_var d = own->value_count > 0 ? scaled_values(tape, vars, term, factor)
-                                          : lg_reshape(tape, lg_square(tape, vars->theta[term]), shape);
+    const lg_var d = own->value_count > 0
+                         ? lg_machine_record_entries(tape, vars, term, own->of_count, NULL, factor)
+                         : lg_reshape(tape, lg_square(tape, vars->theta[term]), shape);
     const lg_var u = chosen(tape, machine, own, seen->u);
     const lg_var twice = lg_sub(tape, lg_abs(tape, lg_sub(tape, u, d)), lg_abs(tape, lg_add(tape, u, d)));
     return changed(tape, machine, own, seen->u, lg_scale(tape, twice, 0.5));
@@ -194,7 +175,8 @@ static lg_var lag_of(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) 
     const lg_shape shape = lg_shape2(1, own->of_count);
     double factor[LG_MACHINE_INPUTS];
     for (uint32_t i = 0; i < own->of_count; i++) factor[i] = 1.0 / machine->scales.time;
-    if (own->value_count > 0) return lg_log(tape, scaled_values(tape, vars, term, factor));
+    if (own->value_count > 0)
+        return lg_log(tape, lg_machine_record_entries(tape, vars, term, own->of_count, NULL, factor));
     const lg_var part = lg_act(tape, lg_reshape(tape, vars->theta[term], shape), LG_SIGMOID);
     return lg_add_scalar(tape, lg_scale(tape, part, span_of(machine)),
                          log(machine->scales.lag[0] / machine->scales.time));
@@ -252,7 +234,8 @@ lg_var lg_machine_record_lag(lg_tape *tape, const lg_machine_vars *vars) {
         const lg_var own = term->kind->lag(tape, vars, i);
         if (is_all(at, term->of_count, machine->lags)) return own;
         for (uint32_t o = 0; o < term->kind->order; o++) {
-            const lg_var placed = lg_matmul(tape, own, places_of(tape, at, term->of_count, machine->lags));
+            const lg_var placed =
+                lg_matmul(tape, own, lg_machine_record_places(tape, at, term->of_count, machine->lags));
             sum = lg_is_none(sum) ? placed : lg_add(tape, sum, placed);
             for (uint32_t k = 0; k < term->of_count; k++) at[k]++;
         }

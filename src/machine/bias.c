@@ -12,11 +12,10 @@ static uint32_t columns_of(const lg_machine *machine, const lg_machine_term *ter
     uint32_t count = 0;
     for (uint32_t i = 0; i < term->of_count; i++) {
         const lg_machine_feature of = term->of[i];
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[of.index].kind);
         const lg_machine_offsets at = lg_machine_offsets_of(machine, of.index);
         const bool velocity = of.kind == LG_FEATURE_VELOCITY;
         const uint32_t first = velocity ? machine->positions + at.velocity : at.position;
-        for (uint32_t k = 0; k < (velocity ? row->velocities : row->places); k++) out[count++] = first + k;
+        for (uint32_t k = 0; k < (velocity ? at.velocities : at.places); k++) out[count++] = first + k;
     }
     return count;
 }
@@ -33,11 +32,9 @@ void lg_machine_wrap_biases(const lg_machine *machine, double *theta) {
         double *bias = theta + term->offset;
         for (uint32_t k = 0; term->part == LG_MACHINE_BIAS && k < term->of_count; k++) {
             const lg_machine_feature of = term->of[k];
-            const lg_coordinate_kind kind = machine->coordinates[of.index].kind;
-            const lg_coordinate_row *row = lg_coordinate_row_of(kind);
-            if (of.kind != LG_FEATURE_VELOCITY && kind == LG_COORDINATE_ANGLE)
-                *bias -= turn * ceil(*bias / turn - 0.5);
-            bias += of.kind == LG_FEATURE_VELOCITY ? row->velocities : row->places;
+            const lg_machine_offsets at = lg_machine_offsets_of(machine, of.index);
+            if (of.kind != LG_FEATURE_VELOCITY && at.angle) *bias -= turn * ceil(*bias / turn - 0.5);
+            bias += of.kind == LG_FEATURE_VELOCITY ? at.velocities : at.places;
         }
     }
 }
@@ -48,11 +45,7 @@ static lg_var record(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, 
     const uint32_t n = machine->positions + machine->velocities;
     uint32_t columns[LG_MACHINE_FEATURES * 6];
     const uint32_t count = columns_of(machine, &machine->terms[term], columns);
-    void *memory;
-    const lg_var place = lg_input_buffer(tape, lg_shape2(count, n), &memory);
-    if (lg_is_none(place)) return place;
-    memset(memory, 0, (size_t)count * n * sizeof(double));
-    for (uint32_t i = 0; i < count; i++) ((double *)memory)[i * n + columns[i]] = 1.0;
+    const lg_var place = lg_machine_record_places(tape, columns, count, n);
     return lg_matmul(tape, lg_reshape(tape, vars->theta[term], lg_shape2(1, count)), place);
 }
 

@@ -30,14 +30,6 @@ void lg_chain_place(lg_chain *c, double *memory) {
 
 /* ---- sweeps ---- */
 
-/* z of a state. */
-static lg_var joined(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
-    const int z = lg_machine_parts(vars->machine).z;
-    const lg_var all[3] = {lg_machine_record_positions(tape, vars, parts),
-                           lg_machine_record_velocities(tape, vars, parts), z < 0 ? LG_NONE : parts[z]};
-    return lg_concat(tape, all, z < 0 ? 2 : 3, 1);
-}
-
 /* Sum over windows of z's component along an axis, which is z . c/|c|^2 with c the change along the axis at
  * c->next, the value of z. */
 static lg_var sum_along(lg_tape *tape, const lg_chain *c, lg_var z, const lg_row_axis *a) {
@@ -55,90 +47,79 @@ static lg_var sum_along(lg_tape *tape, const lg_chain *c, lg_var z, const lg_row
     return lg_sum(tape, lg_mul(tape, z, seed));
 }
 
-/* Gradient of `sum` with respect to z and, where theta is learned, to theta for each window, (count,
- * shared). */
-static lg_status sweep(lg_tape *tape, lg_chain *c, lg_var sum, lg_var z, lg_var theta) {
-    void *const dz = c->dz;
-    if (c->shared == 0) return lg_backward_set(tape, sum, &z, 1, &dz);
-    return lg_backward_rows(tape, sum, z, c->dz, theta, c->count, c->apart);
-}
-
-/* Computes row i of A and row i of dF/dtheta. The latter goes to the first columns of `moved`. */
-static lg_status sweep_interval(lg_tape *tape, lg_chain *c, uint32_t i, lg_var from, lg_var theta,
-                                lg_var to) {
-    const size_t d = c->axes.count;
-    const lg_mark mark = lg_tape_mark(tape);
-    const lg_var sum = sum_along(tape, c, to, &c->axes.each[i]);
-    LG_TRY(sweep(tape, c, sum, from, theta));
-    for (size_t s = 0; s < c->count; s++) {
-        const double *z = c->z + s * c->axes.numbers, *dz = c->dz + s * c->axes.numbers;
-        double *row = c->moved + (s * d + i) * c->columns;
-        for (size_t j = 0; j < d; j++)
-            c->A[(s * d + i) * d + j] = lg_row_axis_component(&c->axes.each[j], z, dz);
-        memcpy(row, c->apart + s * c->shared, c->shared * sizeof *row);
-        memset(row + c->shared, 0, c->own * sizeof *row);
-    }
-    return lg_tape_rewind(tape, mark);
-}
-
-/* Binds the machine's parameters: known ones, or the first parameters of the fit. */
-static lg_status bind(lg_tape *tape, const lg_chain *c, lg_var *theta, lg_machine_vars *vars) {
-    const lg_machine *machine = c->problem->machine;
-    *theta = lg_machine_parameter(tape, machine, c->shared > 0 ? c->theta : c->problem->theta);
-    return lg_machine_bind(tape, machine, *theta, vars);
-}
-
-/* The state of point j of all windows, from z; `at` gets its rows of the log. */
-static lg_status record_point(lg_tape *tape, const lg_chain *c, const lg_machine_vars *vars, uint32_t j,
-                              size_t *at, lg_var *from, lg_var *parts) {
-    const lg_machine *machine = c->problem->machine;
-    const uint32_t n = c->axes.numbers, rows = (uint32_t)c->count;
-    for (size_t s = 0; s < c->count; s++) at[s] = lg_chain_row(c, s, j);
-    *from = lg_input_f64(tape, lg_shape2(rows, n), c->z);
-    lg_tape_mark_rows(tape, *from);
-    LG_TRY(lg_machine_record_state(tape, vars, lg_machine_columns(tape, *from, 0, machine->positions),
-                                   lg_machine_columns(tape, *from, machine->positions, machine->velocities),
-                                   parts));
-    if (j == 0) return lg_machine_start_bristles(tape, vars, &c->problem->log, at, rows, parts);
-    if (machine->bristles > 0)
-        parts[lg_machine_parts(machine).z] =
-            lg_machine_columns(tape, *from, n - machine->bristles, machine->bristles);
-    return lg_tape_status(tape);
-}
-
-/* Records the interval from point j, and sweeps back for its derivatives. */
-static lg_status tape_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at) {
-    const lg_machine *machine = c->problem->machine;
-    const uint32_t n = c->axes.numbers, rows = (uint32_t)c->count;
+/* The states of the current points on the tape. */
+typedef struct recorded {
     lg_machine_vars vars;
-    lg_var theta, from, parts[LG_TAPED_MAX_PARTS];
-    lg_tape_reset(tape);
-    LG_TRY(bind(tape, c, &theta, &vars));
-    lg_machine_flow flow = {.vars = &vars, .scheme = c->problem->scheme, .substeps = c->problem->substeps};
-    LG_TRY(lg_machine_space(machine, &flow.space));
-    LG_TRY(record_point(tape, c, &vars, j, at, &from, parts));
-    LG_TRY(lg_machine_record_interval(tape, &flow, &c->problem->log, at, rows, parts));
-    const lg_var to = joined(tape, &vars, parts);
-    LG_TRY(lg_read(tape, to, c->count * n, c->next));
-    for (uint32_t i = 0; i < c->axes.count; i++) LG_TRY(sweep_interval(tape, c, i, from, theta, to));
+    lg_machine_flow flow;
+    lg_var theta, z, parts[LG_TAPED_MAX_PARTS];
+} recorded;
+
+/* Row i of the derivatives of `rows` numbers of each window, from the sum of this number over windows: by z
+ * along the axes into A (count, rows, d), by theta into the first columns of B (count, rows, columns), whose
+ * other columns become 0. */
+static lg_status sweep(lg_tape *tape, lg_chain *c, const recorded *x, lg_var sum, size_t rows, size_t i,
+                       double *B) {
+    const size_t d = c->axes.count;
+    void *const dz = c->dz;
+    if (c->shared == 0)
+        LG_TRY(lg_backward_set(tape, sum, &x->z, 1, &dz));
+    else
+        LG_TRY(lg_backward_rows(tape, sum, x->z, c->dz, x->theta, c->count, c->apart));
+    for (size_t s = 0; s < c->count; s++) {
+        const size_t row = s * rows + i, at = s * c->axes.numbers;
+        for (size_t j = 0; j < d; j++)
+            c->A[row * d + j] = lg_row_axis_component(&c->axes.each[j], c->z + at, c->dz + at);
+        memcpy(B + row * c->columns, c->apart + s * c->shared, c->shared * sizeof *B);
+        memset(B + row * c->columns + c->shared, 0, c->own * sizeof *B);
+    }
     return LG_OK;
 }
 
-void lg_chain_move(const lg_kernels *k, lg_chain *c, uint32_t j, const double *A) {
+/* B (count, rows, columns) += A S, with the A of `rows` numbers. */
+static void follow(const lg_kernels *k, const lg_chain *c, size_t rows, double *B) {
     const size_t d = c->axes.count;
-    double *spare = c->S;
-    if (j > 0 || c->own > 0)
-        for (size_t s = 0; s < c->count; s++)
-            k->gemm(d, c->columns, d, A + s * d * d, d, 1, c->S + s * d * c->columns, c->columns,
-                    c->moved + s * d * c->columns, c->columns, true);
-    c->S = c->moved;
-    c->moved = spare;
+    if (c->point == 0 && c->own == 0) return; /* the start is known */
+    for (size_t s = 0; s < c->count; s++)
+        k->gemm(rows, c->columns, d, c->A + s * rows * d, d, 1, c->S + s * d * c->columns, c->columns,
+                B + s * rows * c->columns, c->columns, true);
 }
 
-lg_status lg_chain_pass_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at) {
-    if (!lg_chain_plan_interval(tape, c, j)) LG_TRY(tape_interval(tape, c, j, at));
-    lg_chain_move(tape->k, c, j, c->A);
-    memcpy(c->z, c->next, c->count * c->axes.numbers * sizeof *c->z);
+/* Binds the machine's parameters: known ones, or the first parameters of the fit. */
+static lg_status bind(lg_tape *tape, const lg_chain *c, recorded *x) {
+    const lg_machine *machine = c->problem->machine;
+    x->theta = lg_machine_parameter(tape, machine, c->shared > 0 ? c->theta : c->problem->theta);
+    return lg_machine_begin_flow(tape, machine, c->problem->scheme, c->problem->substeps, x->theta, &x->vars,
+                                 &x->flow);
+}
+
+static lg_status record_points(lg_tape *tape, const lg_chain *c, recorded *x) {
+    const lg_machine *machine = c->problem->machine;
+    const uint32_t n = c->axes.numbers, rows = (uint32_t)c->count;
+    lg_tape_reset(tape);
+    LG_TRY(bind(tape, c, x));
+    x->z = lg_input_f64(tape, lg_shape2(rows, n), c->z);
+    lg_tape_mark_rows(tape, x->z);
+    LG_TRY(lg_machine_split_row(tape, &x->vars, x->z, x->parts));
+    if (c->point == 0)
+        return lg_machine_start_bristles(tape, &x->vars, &c->problem->log, c->at, rows, x->parts);
+    if (machine->bristles > 0)
+        x->parts[lg_machine_parts(machine).z] =
+            lg_machine_columns(tape, x->z, n - machine->bristles, machine->bristles);
+    return lg_tape_status(tape);
+}
+
+lg_status lg_chain_interval(lg_tape *tape, lg_chain *c) {
+    recorded x;
+    if (lg_chain_plan_interval(tape, c)) return LG_OK;
+    LG_TRY(record_points(tape, c, &x));
+    LG_TRY(lg_machine_record_interval(tape, &x.flow, &c->problem->log, c->at, (uint32_t)c->count, x.parts));
+    const lg_var to = lg_machine_join_row(tape, &x.vars, x.parts);
+    LG_TRY(lg_read(tape, to, c->count * c->axes.numbers, c->next));
+    for (uint32_t i = 0; i < c->axes.count; i++) {
+        const lg_mark mark = lg_tape_mark(tape);
+        LG_TRY(sweep(tape, c, &x, sum_along(tape, c, to, &c->axes.each[i]), c->axes.count, i, c->moved));
+        LG_TRY(lg_tape_rewind(tape, mark));
+    }
     return LG_OK;
 }
 
@@ -148,16 +129,15 @@ lg_status lg_chain_pass_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t 
  * columns. */
 static lg_status move_starts(lg_tape *tape, lg_chain *c, lg_var positions, lg_var velocities) {
     const size_t d = c->axes.count, own = c->own;
-    lg_machine_vars vars;
-    lg_var theta, parts[LG_TAPED_MAX_PARTS];
+    recorded x;
     void *memory;
     const lg_var numbers = lg_input_buffer(tape, lg_shape2((uint32_t)c->count, (uint32_t)own), &memory);
     if (lg_is_none(numbers)) return lg_tape_status(tape);
     for (size_t s = 0; s < c->count; s++)
         memcpy((double *)memory + s * own, c->theta + c->shared + c->samples[s] * own, own * sizeof(double));
-    LG_TRY(bind(tape, c, &theta, &vars));
-    LG_TRY(lg_machine_move_starts(tape, c->problem, &vars, numbers, positions, velocities, parts));
-    const lg_var z = joined(tape, &vars, parts);
+    LG_TRY(bind(tape, c, &x));
+    LG_TRY(lg_machine_move_starts(tape, c->problem, &x.vars, numbers, positions, velocities, x.parts));
+    const lg_var z = lg_machine_join_row(tape, &x.vars, x.parts);
     LG_TRY(lg_read(tape, z, c->count * c->axes.numbers, c->next));
     memset(c->S, 0, c->count * d * c->columns * sizeof *c->S);
     for (uint32_t i = 0; i < d; i++) {
@@ -180,49 +160,34 @@ lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c) {
                  velocities = lg_input_buffer(tape, lg_shape2(rows, machine->velocities), &memory[1]);
     LG_TRY(lg_tape_status(tape));
     memset(c->z, 0, c->count * n * sizeof *c->z);
+    for (size_t s = 0; s < c->count; s++) c->at[s] = c->problem->start[c->samples[s]];
+    lg_machine_scaled_rows(machine, &c->problem->log, c->at, c->count, memory[0], memory[1]);
     for (size_t s = 0; s < c->count; s++) {
-        const size_t row = lg_chain_row(c, s, 0);
-        double *q = (double *)memory[0] + s * machine->positions,
-               *v = (double *)memory[1] + s * machine->velocities;
-        lg_machine_scaled_rows(machine, &c->problem->log, &row, 1, q, v);
-        memcpy(c->z + s * n, q, machine->positions * sizeof *q);
-        memcpy(c->z + s * n + machine->positions, v, machine->velocities * sizeof *v);
+        const double *q = memory[0], *v = memory[1];
+        memcpy(c->z + s * n, q + s * machine->positions, machine->positions * sizeof *q);
+        memcpy(c->z + s * n + machine->positions, v + s * machine->velocities,
+               machine->velocities * sizeof *v);
     }
     return c->own > 0 ? move_starts(tape, c, positions, velocities) : LG_OK;
 }
 
 /* ---- accelerations ---- */
 
-/* Computes row k of `of_a`: dG/dz S + (dG/dtheta, 0). */
-static lg_status sweep_acceleration(lg_tape *tape, lg_chain *c, uint32_t k, lg_var from, lg_var theta,
-                                    lg_var a) {
-    const size_t nv = c->problem->machine->velocities, d = c->axes.count;
-    const lg_mark mark = lg_tape_mark(tape);
-    LG_TRY(sweep(tape, c, lg_sum(tape, lg_slice(tape, a, 1, k, 1)), from, theta));
-    for (size_t s = 0; s < c->count; s++) {
-        const double *z = c->z + s * c->axes.numbers, *dz = c->dz + s * c->axes.numbers;
-        double *row = c->of_a + (s * nv + k) * c->columns;
-        memcpy(row, c->apart + s * c->shared, c->shared * sizeof *row);
-        memset(row + c->shared, 0, c->own * sizeof *row);
-        for (size_t j = 0; j < d; j++)
-            tape->k->axpy(c->columns, lg_row_axis_component(&c->axes.each[j], z, dz),
-                          c->S + (s * d + j) * c->columns, row);
-    }
-    return lg_tape_rewind(tape, mark);
-}
-
-/* Fills `a` and `of_a` at point j, where accelerations are measured. */
-static lg_status show_accelerations(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at) {
+/* Fills `a` and `of_a` at the current points, where accelerations are measured. */
+static lg_status show_accelerations(lg_tape *tape, lg_chain *c) {
     const lg_machine *machine = c->problem->machine;
-    lg_machine_vars vars;
-    lg_var theta, from, parts[LG_TAPED_MAX_PARTS];
+    recorded x;
     if (!machine->accelerations) return LG_OK;
-    lg_tape_reset(tape);
-    LG_TRY(bind(tape, c, &theta, &vars));
-    LG_TRY(record_point(tape, c, &vars, j, at, &from, parts));
-    const lg_var a = lg_machine_record_shown(tape, &vars, &c->problem->log, at, (uint32_t)c->count, parts);
+    LG_TRY(record_points(tape, c, &x));
+    const lg_var a =
+        lg_machine_record_shown(tape, &x.vars, &c->problem->log, c->at, (uint32_t)c->count, x.parts);
     LG_TRY(lg_read(tape, a, c->count * machine->velocities, c->a));
-    for (uint32_t k = 0; k < machine->velocities; k++) LG_TRY(sweep_acceleration(tape, c, k, from, theta, a));
+    for (uint32_t k = 0; k < machine->velocities; k++) {
+        const lg_mark mark = lg_tape_mark(tape);
+        LG_TRY(sweep(tape, c, &x, lg_sum(tape, lg_slice(tape, a, 1, k, 1)), machine->velocities, k, c->of_a));
+        LG_TRY(lg_tape_rewind(tape, mark));
+    }
+    follow(tape->k, c, machine->velocities, c->of_a);
     return LG_OK;
 }
 
@@ -258,20 +223,23 @@ static void keep_all_across(const lg_chain *c, size_t row, double *r, double *ja
     double along[LG_MACHINE_VELOCITIES];
     lg_machine_along_row(c->problem, row, along);
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
-        if (machine->coordinates[i].kind != LG_COORDINATE_DIRECTION) continue;
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const uint32_t first = at.velocity;
+        if (at.directions == 0) continue;
         keep_across(along + first, r + first, 1);
         for (size_t j = 0; j < c->columns; j++)
             keep_across(along + first, jacobian + first * c->columns + j, c->columns);
     }
 }
 
-void lg_chain_put_rows(const lg_kernels *k, lg_chain *c, uint32_t j) {
+/* Writes the rows of the current points of all windows: the residual along each axis, and S times the
+ * weight. */
+static void put_rows(const lg_kernels *k, lg_chain *c) {
     const lg_machine *machine = c->problem->machine;
     const size_t seen = c->axes.seen, numbers = machine->positions + machine->velocities;
     double z[LG_CHAIN_NUMBERS], data[LG_CHAIN_NUMBERS], weight[LG_CHAIN_NUMBERS], r[LG_CHAIN_NUMBERS];
     for (size_t s = 0; s < c->count; s++) {
-        const size_t row = lg_chain_row(c, s, j), first = s * c->rows + c->done;
+        const size_t row = c->at[s], first = s * c->rows + c->done;
         shown_of(c, s, z);
         lg_machine_shown_row(machine, &c->problem->log, row, data, data + machine->positions);
         lg_machine_weigh_row(c->problem, row, c->factor, weight, weight + machine->positions);
@@ -303,20 +271,44 @@ uint32_t lg_chain_first(const lg_machine_problem *problem) {
     return lg_machine_starts_estimated(problem) ? 0 : 1;
 }
 
-static lg_status put_point(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at) {
-    LG_TRY(show_accelerations(tape, c, j, at));
-    lg_chain_put_rows(tape->k, c, j);
+static lg_status put_points(lg_tape *tape, lg_chain *c) {
+    LG_TRY(show_accelerations(tape, c));
+    put_rows(tape->k, c);
     return LG_OK;
 }
 
-lg_status lg_chain_pass_window(lg_tape *tape, lg_chain *c) {
-    size_t at[LG_FIT_CHUNK];
-    const uint32_t first = lg_chain_first(c->problem);
+/* Moves z and S to the next points. */
+static void move(const lg_kernels *k, lg_chain *c) {
+    double *spare = c->S;
+    follow(k, c, c->axes.count, c->moved);
+    c->S = c->moved;
+    c->moved = spare;
+    memcpy(c->z, c->next, c->count * c->axes.numbers * sizeof *c->z);
+    c->point++;
+    for (size_t s = 0; s < c->count; s++) c->at[s]++;
+}
+
+/* Does what lg_chain_interval does, from the run. */
+static void take_interval(lg_chain *c) {
+    const size_t j = c->point, d = c->axes.count;
+    c->next = c->run->z + (j + 1) * c->axes.numbers;
+    c->A = c->run->A + j * d * d;
+    for (size_t i = 0; i < d; i++) {
+        memcpy(c->moved + i * c->columns, c->run->B + (j * d + i) * c->shared, c->shared * sizeof *c->moved);
+        memset(c->moved + i * c->columns + c->shared, 0, c->own * sizeof *c->moved);
+    }
+}
+
+lg_status lg_chain_pass_windows(lg_tape *tape, lg_chain *c) {
     LG_TRY(lg_chain_first_points(tape, c));
-    if (first == 0) LG_TRY(put_point(tape, c, 0, at));
-    for (uint32_t j = 0; j + 1 < c->problem->window; j++) {
-        LG_TRY(lg_chain_pass_interval(tape, c, j, at));
-        LG_TRY(put_point(tape, c, j + 1, at));
+    if (lg_chain_first(c->problem) == 0) LG_TRY(put_points(tape, c));
+    while (c->point + 1 < c->problem->window) {
+        if (c->run != NULL)
+            take_interval(c);
+        else
+            LG_TRY(lg_chain_interval(tape, c));
+        move(tape->k, c);
+        LG_TRY(put_points(tape, c));
     }
     return LG_OK;
 }

@@ -46,6 +46,12 @@ double lg_row_axis_component(const lg_row_axis *a, const double *z, const double
 
 /* ---- chains: windows that are passed from row to row (chain.c) ---- */
 
+/* All rows of one window of M rows that are solved for together (long_windows.c). */
+typedef struct lg_chain_run {
+    double *z, *F, *A, *B; /* (M, numbers), (M - 1, numbers), (M - 1, d, d), (M - 1, d, shared) */
+    double *dz, *apart;    /* of LG_FIT_CHUNK rows */
+} lg_chain_run;
+
 typedef struct lg_chain {
     const lg_machine_problem *problem;
     const double *theta;
@@ -55,17 +61,20 @@ typedef struct lg_chain {
     size_t count, shared, own, columns, rows;
     double factor;
     lg_row_axes axes;
-    double *z, *next;  /* (count, numbers): z of the current and of the next row */
-    double *dz;        /* (count, numbers): gradient with respect to z */
-    double *A;         /* (count, d, d) */
-    double *apart;     /* (count, shared): gradient with respect to theta for each window */
-    double *S, *moved; /* (count, d, columns): S of the current and of the next row */
-    /* Where accelerations are measured: those of the current row, (count, velocities), and their rows of the
-     * Jacobian, (count, velocities, columns). Else NULL. */
+    size_t at[LG_FIT_CHUNK]; /* (count): the log's rows of the current points */
+    uint32_t point;          /* of the windows, from 0 on */
+    double *z, *next;        /* (count, numbers): z of the current and of the next points */
+    double *dz;              /* (count, numbers): gradient with respect to z */
+    double *A;               /* (count, d, d): dF/dz */
+    double *apart;           /* (count, shared): gradient with respect to theta for each window */
+    double *S, *moved;       /* (count, d, columns): S of the current and of the next points */
+    /* Where accelerations are measured: those of the current points, (count, velocities), and their rows of
+     * the Jacobian, (count, velocities, columns). Else NULL. */
     double *a, *of_a;
     double *r, *jacobian; /* NULL: only the loss is computed, of a machine without directions */
     double loss;
-    size_t done; /* rows of r and jacobian that are filled in each window */
+    size_t done;             /* rows of r and jacobian that are filled in each window */
+    const lg_chain_run *run; /* NULL: each interval is computed when it is passed */
 } lg_chain;
 
 /* Numbers of memory that a chain needs, and its places in them. */
@@ -73,27 +82,18 @@ size_t lg_chain_numbers(const lg_chain *c);
 void lg_chain_place(lg_chain *c, double *memory);
 /* The first point of a window that has residuals: 0 if starts are estimated, else 1. */
 uint32_t lg_chain_first(const lg_machine_problem *problem);
-/* The log's row of a point of a sample. */
-static inline size_t lg_chain_row(const lg_chain *c, size_t sample, uint32_t point) {
-    return c->problem->start[c->samples[sample]] + point;
-}
 /* Sets z and S at the first points of all windows. */
 lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c);
-/* Moves S over the interval from point j: S becomes A S plus `moved`, the derivatives by theta. */
-void lg_chain_move(const lg_kernels *k, lg_chain *c, uint32_t j, const double *A);
-/* Moves z and S over the interval from point j to point j + 1. at: LG_FIT_CHUNK numbers of memory. */
-lg_status lg_chain_pass_interval(lg_tape *tape, lg_chain *c, uint32_t j, size_t *at);
-/* The part of it that recordings take: fills `next`, A and the derivatives by theta in the first columns of
- * `moved` by a plan (interval_plan.c). False: the machine has none. */
-bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c, uint32_t j);
-/* Writes the rows of point j of all windows: the residual along each axis, and S times the weight. */
-void lg_chain_put_rows(const lg_kernels *k, lg_chain *c, uint32_t j);
-/* All points of all windows. */
-lg_status lg_chain_pass_window(lg_tape *tape, lg_chain *c);
+/* Fills `next` and A of the intervals from the current points; `moved` becomes (dF/dtheta, 0). */
+lg_status lg_chain_interval(lg_tape *tape, lg_chain *c);
+/* The same by a plan (interval_plan.c). False: the machine has none. */
+bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c);
+/* All points of all windows; intervals come from `run`, which has been solved for, if it is not NULL. */
+lg_status lg_chain_pass_windows(lg_tape *tape, lg_chain *c);
 
 /* ---- long windows (long_windows.c) ---- */
 
-/* As lg_chain_pass_window, each window by itself. floor: if not NULL, it is computed in place of everything
+/* As lg_chain_pass_windows, each window by itself. floor: if not NULL, it is computed in place of everything
  * else. */
 lg_status lg_chain_pass_long(lg_tape *tape, lg_chain *all, double *floor);
 

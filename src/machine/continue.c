@@ -51,20 +51,18 @@ static lg_status pass(const walk *x, const lg_machine_log *log, const size_t *at
     const lg_machine *machine = x->problem->machine;
     lg_tape *tape = x->tape;
     lg_machine_vars vars;
+    lg_machine_flow flow;
     lg_var parts[LG_TAPED_MAX_PARTS];
     lg_tape_reset(tape);
     const double *theta = x->problem->theta != NULL ? x->problem->theta : x->theta;
-    LG_TRY(lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, theta), &vars));
-    lg_machine_flow flow = {.vars = &vars, .scheme = x->problem->scheme, .substeps = x->problem->substeps};
-    LG_TRY(lg_machine_space(machine, &flow.space));
+    LG_TRY(lg_machine_begin_flow(tape, machine, x->problem->scheme, x->problem->substeps,
+                                 lg_machine_parameter(tape, machine, theta), &vars, &flow));
     const lg_var from = lg_input_f64(tape, lg_shape2(count, (uint32_t)x->numbers), z);
-    LG_TRY(lg_machine_record_state(tape, &vars, lg_machine_columns(tape, from, 0, machine->positions),
-                                   lg_machine_columns(tape, from, machine->positions, machine->velocities),
-                                   parts));
+    LG_TRY(lg_machine_split_row(tape, &vars, from, parts));
     LG_TRY(lg_machine_record_interval(tape, &flow, log, at, count, parts));
-    const lg_var both[2] = {lg_machine_record_positions(tape, &vars, parts),
-                            lg_machine_record_velocities(tape, &vars, parts)};
-    return lg_read(tape, lg_concat(tape, both, 2, 1), count * x->numbers, z);
+    const lg_var to =
+        lg_machine_columns(tape, lg_machine_join_row(tape, &vars, parts), 0, (uint32_t)x->numbers);
+    return lg_read(tape, to, count * x->numbers, z);
 }
 
 /* z of window w: its start in theta (out), or theta from it. */

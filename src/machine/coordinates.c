@@ -31,6 +31,15 @@ lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coo
         at.position += lg_coordinate_positions(kind);
         at.velocity += row->velocities;
     }
+    if (coordinate >= machine->coordinate_count) return at;
+    const lg_coordinate_kind kind = machine->coordinates[coordinate].kind;
+    const lg_coordinate_row *row = &coordinate_rows[kind];
+    at.places = row->places;
+    at.directions = row->directions;
+    at.rotations = row->rotations;
+    at.positions = lg_coordinate_positions(kind);
+    at.velocities = row->velocities;
+    at.angle = kind == LG_COORDINATE_ANGLE;
     return at;
 }
 
@@ -70,10 +79,9 @@ lg_status lg_machine_full_space(const lg_machine *machine, lg_space *space) {
 uint32_t lg_machine_mass_velocities(const lg_machine *machine, bool directions, uint32_t *list) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
-        if ((row->directions > 0) != directions) continue;
-        for (uint32_t k = 0; k < (directions ? 1 : row->velocities); k++) list[count++] = first + k;
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        if ((at.directions > 0) != directions) continue;
+        for (uint32_t k = 0; k < (directions ? 1 : at.velocities); k++) list[count++] = at.velocity + k;
     }
     return count;
 }

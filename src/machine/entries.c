@@ -65,6 +65,9 @@ lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uin
     double known[LG_MACHINE_VALUES], placed[MOST * LG_MACHINE_VALUES];
     lg_number_map maps[MOST];
     const lg_shape row = lg_shape2(1, count);
+    uint32_t all_of[LG_MACHINE_VALUES];
+    for (uint32_t i = 0; i < count && index == NULL; i++) all_of[i] = i;
+    if (index == NULL) index = all_of;
     for (uint32_t i = 0; i < count; i++)
         known[i] = index[i] == UINT32_MAX ? 0.0 : own->values[index[i]] * factor[i];
     if (own->entry_count == 0) return lg_input_f64(tape, row, known);
@@ -91,6 +94,12 @@ void lg_numbers_entries(lg_number_list *l, const lg_machine *machine, const lg_m
         const lg_number_map map = map_of(machine, term, k, &about);
         lg_numbers_put(l, lg_number_at(&map, theta[k], NULL), "%s", about.name);
     }
+}
+
+bool lg_machine_is_entry_of(const lg_machine_term *term, uint32_t index) {
+    for (uint32_t k = 0; k < term->entry_count; k++)
+        if (term->entries[k].index == index) return true;
+    return false;
 }
 
 void lg_machine_scale_entries(const lg_machine *machine, const lg_machine_term *term, const double *theta,
@@ -183,12 +192,9 @@ static lg_var squares(lg_tape *tape, const lg_machine_vars *vars, uint32_t term)
 lg_var lg_machine_record_drag(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, int power) {
     const lg_machine *machine = vars->machine;
     const lg_machine_term *own = &machine->terms[term];
-    uint32_t index[LG_MACHINE_VELOCITIES];
     double factor[LG_MACHINE_VELOCITIES];
     if (own->value_count == 0) return squares(tape, vars, term);
-    for (uint32_t i = 0; i < machine->velocities; i++) {
-        index[i] = i;
+    for (uint32_t i = 0; i < machine->velocities; i++)
         factor[i] = 1.0 / lg_machine_drag_unit(machine, i, i, power);
-    }
-    return lg_machine_record_entries(tape, vars, term, machine->velocities, index, factor);
+    return lg_machine_record_entries(tape, vars, term, machine->velocities, NULL, factor);
 }

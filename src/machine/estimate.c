@@ -15,8 +15,7 @@ void lg_machine_scale_loss(lg_machine_problem *problem) {
     const lg_machine *machine = problem->machine;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        const bool places = lg_coordinate_row_of(machine->coordinates[i].kind)->places > 0;
-        problem->position_scale[i] = places ? machine->scales.place[at.place] : 1.0;
+        problem->position_scale[i] = at.places > 0 ? machine->scales.place[at.place] : 1.0;
         problem->velocity_scale[i] = lg_machine_shown_unit(machine, at.velocity);
     }
 }

@@ -174,9 +174,8 @@ static void add_change(const lg_machine_problem *problem, const double *mean, si
         lg_machine_shown_row(machine, &problem->log, row, q, now);
         lg_machine_weigh_row(problem, row, 1.0, q, there);
         for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-            const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
-            const uint32_t count = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
-            for (uint32_t k = first; k < first + count; k++) {
+            const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+            for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++) {
                 now[k] = (now[k] - mean[k]) * lg_machine_shown_unit(machine, k);
                 if (j > 0 && !machine->accelerations)
                     run[k] += 0.5 * (now[k] + before[k]) * (problem->log.t[row] - problem->log.t[row - 1]);

@@ -56,7 +56,7 @@ uint32_t lg_machine_feature_scales(const lg_machine *machine, const lg_machine_t
         const uint32_t count = lg_machine_feature_count(machine, of);
         const bool input = of.kind == LG_FEATURE_INPUT;
         const lg_machine_offsets at = lg_machine_offsets_of(machine, input ? 0 : of.index);
-        const uint32_t places = input ? 0 : lg_coordinate_row_of(machine->coordinates[of.index].kind)->places;
+        const uint32_t places = input ? 0 : at.places;
         for (uint32_t k = 0; k < count; k++) {
             double scale = 1.0;
             const bool place = of.kind == LG_FEATURE_PLACE || of.kind == LG_FEATURE_POSITION;
@@ -83,12 +83,12 @@ static lg_var direction(lg_tape *tape, const lg_machine *machine, const lg_machi
 }
 
 /* The height feature of a coordinate that is not an angle. */
-static lg_var height(lg_tape *tape, const lg_machine *machine, const lg_coordinate_row *row,
-                     const lg_machine_offsets *at, const lg_machine_seen *seen) {
-    if (row->places > 0)
-        return lg_machine_columns(tape, seen->parts[lg_machine_parts(machine).x], at->place + row->places - 1,
+static lg_var height(lg_tape *tape, const lg_machine *machine, const lg_machine_offsets *at,
+                     const lg_machine_seen *seen) {
+    if (at->places > 0)
+        return lg_machine_columns(tape, seen->parts[lg_machine_parts(machine).x], at->place + at->places - 1,
                                   1);
-    if (row->directions > 0) return lg_slice(tape, direction(tape, machine, seen, at->direction), 1, 2, 1);
+    if (at->directions > 0) return lg_slice(tape, direction(tape, machine, seen, at->direction), 1, 2, 1);
     return lg_slice(tape, rotation(tape, machine, seen, at->rotation), 1, 6, VECTOR);
 }
 
@@ -99,12 +99,11 @@ static uint32_t record_feature(lg_tape *tape, const lg_machine *machine, lg_mach
         out[0] = lg_machine_columns(tape, seen->u, of.index, 1);
         return 1;
     }
-    const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[of.index].kind);
     const lg_machine_offsets at = lg_machine_offsets_of(machine, of.index);
     const int x = lg_machine_parts(machine).x;
     uint32_t count = 0;
     if (of.kind == LG_FEATURE_VELOCITY) {
-        out[count++] = lg_machine_columns(tape, seen->v, at.velocity, row->velocities);
+        out[count++] = lg_machine_columns(tape, seen->v, at.velocity, at.velocities);
     } else if (of.kind == LG_FEATURE_UP) {
         out[count++] = lg_slice(tape, rotation(tape, machine, seen, at.rotation), 1, 6, VECTOR);
     } else if (is_angle(machine, of)) {
@@ -112,12 +111,12 @@ static uint32_t record_feature(lg_tape *tape, const lg_machine *machine, lg_mach
         out[count++] = lg_sin(tape, angle);
         out[count++] = lg_cos(tape, angle);
     } else if (of.kind == LG_FEATURE_HEIGHT) {
-        out[count++] = height(tape, machine, row, &at, seen);
+        out[count++] = height(tape, machine, &at, seen);
     } else {
-        if (of.kind != LG_FEATURE_ROTATION && row->places > 0)
-            out[count++] = lg_machine_columns(tape, seen->parts[x], at.place, row->places);
-        if (row->directions > 0) out[count++] = direction(tape, machine, seen, at.direction);
-        if (of.kind != LG_FEATURE_PLACE && row->rotations > 0)
+        if (of.kind != LG_FEATURE_ROTATION && at.places > 0)
+            out[count++] = lg_machine_columns(tape, seen->parts[x], at.place, at.places);
+        if (at.directions > 0) out[count++] = direction(tape, machine, seen, at.direction);
+        if (of.kind != LG_FEATURE_PLACE && at.rotations > 0)
             out[count++] = rotation(tape, machine, seen, at.rotation);
     }
     return count;
@@ -187,21 +186,24 @@ void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *
     fits[1] = (size_t)machine->velocities * machine->velocities;
 }
 
+lg_var lg_machine_record_places(lg_tape *tape, const uint32_t *at, uint32_t count, uint32_t columns) {
+    void *memory;
+    const lg_var out = lg_input_buffer(tape, lg_shape2(count, columns), &memory);
+    if (lg_is_none(out)) return out;
+    memset(memory, 0, (size_t)count * columns * sizeof(double));
+    for (uint32_t i = 0; i < count; i++) ((double *)memory)[(size_t)i * columns + at[i]] = 1.0;
+    return out;
+}
+
 /* Matrix S (triangle, n n) that unpacks triangles: row k has a 1 at the place of packed number k in the
  * row-major matrix (n, n). */
 static lg_var selection(lg_tape *tape, uint32_t n) {
-    void *values;
-    const uint32_t count = lg_triangle(n);
-    lg_var S = lg_input_buffer(tape, lg_shape2(count, n * n), &values);
-    if (lg_is_none(S)) return S;
-    double *ones = values;
-    memset(ones, 0, (size_t)count * n * n * sizeof *ones);
-    uint32_t k = n;
+    uint32_t at[LG_MACHINE_VALUES], k = n;
     for (uint32_t i = 0; i < n; i++) {
-        ones[(size_t)i * n * n + (size_t)i * n + i] = 1.0;
-        for (uint32_t j = 0; j < i; j++) ones[(size_t)k++ * n * n + (size_t)i * n + j] = 1.0;
+        at[i] = i * n + i;
+        for (uint32_t j = 0; j < i; j++) at[k++] = i * n + j;
     }
-    return S;
+    return lg_machine_record_places(tape, at, k, n * n);
 }
 
 lg_var lg_machine_record_triangle(lg_tape *tape, lg_var packed, uint32_t n, bool positive) {

@@ -181,9 +181,7 @@ bool lg_machine_term_sticks(const lg_machine *machine, const lg_machine_term *te
 static bool may_rub(const lg_machine *machine, const lg_machine_term *term, uint32_t k) {
     const lg_machine_term *base = lg_machine_base(machine, term), *from = base != NULL ? base : term;
     const uint32_t index = k + (base == NULL && term->kind->blocks > 0 ? machine->velocities : 0);
-    for (uint32_t i = 0; i < from->entry_count; i++)
-        if (from->entries[i].index == index) return true;
-    return from->value_count == 0 || from->values[index] != 0.0;
+    return lg_machine_is_entry_of(from, index) || from->value_count == 0 || from->values[index] != 0.0;
 }
 
 uint32_t lg_machine_find_sticking(const lg_machine *machine) {

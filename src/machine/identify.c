@@ -77,10 +77,9 @@ static void eliminate(normal *s, size_t count) {
 }
 
 /* R (n, n) of `matrix` (m, n), which is overwritten; both are column-major. With `order` columns are pivoted,
- * the longest remaining one first, and `order` gets their numbers from 1; with NULL they are not. False: no
- * memory. */
-static bool triangulate(const lg_context *context, size_t m, size_t n, double *matrix, int *order,
-                        double *triangle) {
+ * the longest remaining one first, and `order` gets their numbers from 1; with NULL they are not. */
+static lg_status triangulate(const lg_context *context, size_t m, size_t n, double *matrix, int *order,
+                             double *triangle) {
     const int rows = (int)m, columns = (int)n, query = -1;
     double want = 0.0;
     int info = 0; /* these functions only refuse wrong arguments */
@@ -90,14 +89,14 @@ static bool triangulate(const lg_context *context, size_t m, size_t n, double *m
     else
         dgeqrf_(&rows, &columns, matrix, &rows, &want, &want, &query, &info);
     const int room = (int)want;
-    LG_TRY_SCRATCH(double, tau, context, n + (size_t)room, false);
+    LG_TRY_SCRATCH(double, tau, context, n + (size_t)room, LG_OUT_OF_MEMORY);
     if (order != NULL)
         dgeqp3_(&rows, &columns, matrix, &rows, order, tau, tau + n, &room, &info);
     else
         dgeqrf_(&rows, &columns, matrix, &rows, tau, tau + n, &room, &info);
     for (size_t j = 0; j < n; j++)
         for (size_t i = 0; i < n; i++) triangle[j * n + i] = i <= j ? matrix[j * m + i] : 0.0;
-    return true;
+    return LG_OK;
 }
 
 /* Adds products of the columns with the columns one row of the log later. A row of the log has d residuals,
@@ -203,30 +202,29 @@ static void put_information(const normal *s, bool prior, double *out) {
 }
 
 /* W (n, n), column-major, such that W W^T is the inverse of J^T J/s^2 + D^-2, with D the bounds. Rows of the
- * factor whose pivot is below 1e-12 of the largest are rounding error and are set to 0. `work` has (3 n, n).
- * False: no memory. */
-static bool invert(const normal *s, bool prior, double *work, int *order, double *W) {
+ * factor whose pivot is below 1e-12 of the largest are rounding error and are set to 0. `work`: (3 n, n). */
+static lg_status invert(const normal *s, bool prior, double *work, int *order, double *W) {
     static const double nothing = 1e-12;
     const size_t n = s->n;
     const int size = (int)n;
     int info = 0;
     double *first = work, *both = work + n * n;
     put_information(s, prior, W);
-    if (!triangulate(s->context, n, n, W, order, first)) return false;
+    LG_TRY(triangulate(s->context, n, n, W, order, first));
     for (size_t j = 0; j < n; j++)
         for (size_t i = 0; i < n; i++) {
             const bool shown = fabs(first[i * n + i]) > nothing * fabs(first[0]);
             both[j * 2 * n + i] = shown ? first[j * n + i] : 0.0;
             both[j * 2 * n + n + i] = i == j ? 1.0 : 0.0;
         }
-    if (!triangulate(s->context, 2 * n, n, both, NULL, first)) return false;
+    LG_TRY(triangulate(s->context, 2 * n, n, both, NULL, first));
     dtrtri_("U", "N", &size, first, &size, &info);
     for (size_t j = 0; j < n; j++)
         for (size_t k = 0; k < n; k++) {
             const size_t i = (size_t)order[j] - 1;
             W[k * n + i] = bound(s, i, prior) * first[k * n + j];
         }
-    return info == 0;
+    return info == 0 ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
 /* A number that is the square of a parameter has derivative 0, and thus no error, where the parameter is 0.
@@ -371,18 +369,18 @@ static lg_status find_changes(normal *s, size_t count, const double *gradient, d
     LG_TRY_SCRATCH(double, W, s->context, (n + 2) * n, LG_OUT_OF_MEMORY);
     double *slope = W + n * n, *step = slope + n;
     s->deviation = prior > 0.0 ? prior : 1e6;
-    const bool room = invert(s, true, work, order, W);
-    for (size_t j = 0; j < n && room; j++) {
+    LG_TRY(invert(s, true, work, order, W));
+    for (size_t j = 0; j < n; j++) {
         const double b = bound(s, j, true), scale = (double)s->windows / (double)s->used / variance_of(s);
         slope[j] = s->slope[j] * scale + (j < s->problem->machine->weights ? s->theta[j] / (b * b) : 0.0);
     }
-    for (size_t k = 0; k < n && room; k++) {
+    for (size_t k = 0; k < n; k++) {
         const double along = dot(W + k * n, slope, n);
         for (size_t j = 0; j < n; j++) step[j] -= along * W[k * n + j];
     }
-    for (size_t i = 0; i < count && room; i++) changes[i] = dot(gradient + i * n, step, n);
+    for (size_t i = 0; i < count; i++) changes[i] = dot(gradient + i * n, step, n);
     s->deviation = 1.0;
-    return room ? LG_OK : LG_OUT_OF_MEMORY;
+    return LG_OK;
 }
 
 /* Computes the results from R. Errors and open directions come from the data alone, because a prior would
@@ -396,25 +394,22 @@ static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_
     memcpy(theta, s->theta, n * sizeof *theta);
     differentiate(s, theta, count, moved, gradient);
     /* `units` and the covariance are set later */
-    lg_status status = find_changes(s, count, gradient, out->prior, more, order, covariance);
-    if (status == LG_OK)
-        status = invert(s, false, more, order, W) ? colour(s, false, W, &out->block) : LG_OUT_OF_MEMORY;
-    if (status == LG_OK) {
-        propagate(s, W, count, gradient, theta, out->numbers, units);
-        for (size_t i = 0; i < count && s->unmoved == NULL; i++)
-            if (isfinite(out->numbers[i].error))
-                out->step =
-                    fmax(out->step, fabs(covariance[i]) / (out->numbers[i].error + rounding * units[i]));
-        mark_lost(s, count, gradient, theta, moved, out->numbers, units);
-        multiply(s, count, gradient, units, out->numbers, covariance);
-        status = lg_machine_relate(s->context, count, covariance, out);
-    }
-    if (status == LG_OK && out->spread != NULL) {
-        double block;
-        status = invert(s, true, more, order, W) ? colour(s, true, W, &block) : LG_OUT_OF_MEMORY;
-        if (status == LG_OK) lg_matrix_transpose(n, n, W, out->spread);
-    }
-    return status;
+    LG_TRY(find_changes(s, count, gradient, out->prior, more, order, covariance));
+    LG_TRY(invert(s, false, more, order, W));
+    LG_TRY(colour(s, false, W, &out->block));
+    propagate(s, W, count, gradient, theta, out->numbers, units);
+    for (size_t i = 0; i < count && s->unmoved == NULL; i++)
+        if (isfinite(out->numbers[i].error))
+            out->step = fmax(out->step, fabs(covariance[i]) / (out->numbers[i].error + rounding * units[i]));
+    mark_lost(s, count, gradient, theta, moved, out->numbers, units);
+    multiply(s, count, gradient, units, out->numbers, covariance);
+    LG_TRY(lg_machine_relate(s->context, count, covariance, out));
+    if (out->spread == NULL) return LG_OK;
+    double block;
+    LG_TRY(invert(s, true, more, order, W));
+    LG_TRY(colour(s, true, W, &block));
+    lg_matrix_transpose(n, n, W, out->spread);
+    return LG_OK;
 }
 
 /* Chooses the used windows: at most `most`. */
@@ -486,22 +481,19 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     for (size_t i = 0; out->correlations != NULL && i < count * count; i++) out->correlations[i] = 0.0;
     if (count == 0) return LG_OK;
     const size_t all = lg_machine_problem_parameters(problem);
-    LG_SCRATCH(lg_identified, moved, context, 2 * count);
-    LG_SCRATCH(double, at, context, all + (4 * s.n + 1 + count) * s.n + (1 + count) * count);
-    LG_SCRATCH(int, order, context, s.n);
-    const bool room = moved != NULL && at != NULL && order != NULL;
+    LG_TRY_SCRATCH(lg_identified, moved, context, 2 * count, lg_no_memory(error));
+    LG_TRY_SCRATCH(double, at, context, all + (4 * s.n + 1 + count) * s.n + (1 + count) * count,
+                   lg_no_memory(error));
+    LG_TRY_SCRATCH(int, order, context, s.n, lg_no_memory(error));
     choose_windows(&s, s.n > SMALL ? LG_MACHINE_MOST_WINDOWS : MOST_OF_SMALL);
-    lg_status status = LG_OUT_OF_MEMORY;
-    if (room) {
-        memcpy(at, theta, all * sizeof *at);
-        s.theta = at;
-        const bool left = leave_bounds(&s, at, count, out->numbers, moved, moved + count);
-        if (left) s.unmoved = theta;
-        status = gather(&s, true);
-        if (status == LG_OK && left) status = lg_machine_loss(context, problem, theta, &squares, NULL, NULL);
-        if (left) s.squares = squares;
-        if (status == LG_OK) status = conclude(&s, count, at + all, order, moved, out);
-    }
+    memcpy(at, theta, all * sizeof *at);
+    s.theta = at;
+    const bool left = leave_bounds(&s, at, count, out->numbers, moved, moved + count);
+    if (left) s.unmoved = theta;
+    lg_status status = gather(&s, true);
+    if (status == LG_OK && left) status = lg_machine_loss(context, problem, theta, &squares, NULL, NULL);
+    if (left) s.squares = squares;
+    if (status == LG_OK) status = conclude(&s, count, at + all, order, moved, out);
     if (status == LG_OK && missing == LG_OUT_OF_MEMORY) status = missing;
     return finish(&s, status, error);
 }
@@ -524,11 +516,11 @@ lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_probl
                                const lg_fit_problem *fit, const double *x, size_t n,
                                lg_machine_uncertainty *out, lg_error *error) {
     normal s = {.context = context, .problem = problem, .fit = *fit, .theta = x, .n = n};
-    LG_SCRATCH(double, work, context, 4 * n * n);
-    LG_SCRATCH(int, order, context, n);
+    LG_TRY_SCRATCH(double, work, context, 4 * n * n, lg_no_memory(error));
+    LG_TRY_SCRATCH(int, order, context, n, lg_no_memory(error));
     choose_windows(&s, MOST_OF_SMALL);
-    lg_status status = work != NULL && order != NULL ? gather(&s, true) : LG_OUT_OF_MEMORY;
-    if (status == LG_OK && !invert(&s, false, work + n * n, order, out->W)) status = LG_OUT_OF_MEMORY;
+    lg_status status = gather(&s, true);
+    if (status == LG_OK) status = invert(&s, false, work + n * n, order, out->W);
     if (status == LG_OK) {
         memcpy(work, out->W, n * n * sizeof *work);
         out->block = 0.0;

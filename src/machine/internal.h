@@ -15,6 +15,14 @@ typedef struct lg_machine_noise {
     double position[LG_MACHINE_COORDINATES], velocity[LG_MACHINE_COORDINATES];
 } lg_machine_noise;
 
+/* A root mean square (machine/scales.c): numbers are added unless they are NaN; NaN: there are none. */
+typedef struct lg_squares {
+    double sum;
+    size_t count;
+} lg_squares;
+LG_API void lg_squares_add(lg_squares *s, double x);
+LG_API double lg_squares_root(const lg_squares *s);
+
 /* Indices of the parts of a state in an array of parts; -1 where the machine has no such part. */
 typedef struct lg_machine_places {
     int x, q, p, R, m, z;
@@ -22,9 +30,11 @@ typedef struct lg_machine_places {
 lg_machine_places lg_machine_parts(const lg_machine *machine);
 
 /* Where the numbers of a coordinate begin: among the places, directions, rotations and momenta of a state,
- * and among the positions and velocities of a log. */
+ * and among the positions and velocities of a log; and how many there are (0: no such coordinate). */
 typedef struct lg_machine_offsets {
     uint32_t place, direction, rotation, momentum, position, velocity;
+    uint32_t places, directions, rotations, positions, velocities;
+    bool angle;
 } lg_machine_offsets;
 LG_API lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate);
 
@@ -194,10 +204,13 @@ lg_number_map lg_machine_entry_map(const lg_machine_entry *entry, double start, 
 double lg_number_at(const lg_number_map *map, double t, double *slope); /* slope may be NULL */
 /* Records the values x (1, count) at the parameters t (1, count); count <= LG_MACHINE_VALUES. */
 lg_var lg_machine_record_maps(lg_tape *tape, const lg_number_map *maps, uint32_t count, lg_var t);
-/* (1, count): number i is factor[i] times value index[i] of the term; 0 if index[i] is UINT32_MAX. */
+/* (1, count): number i is factor[i] times value index[i] of the term; 0 if index[i] is UINT32_MAX. `index`
+ * NULL: value i. */
 lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t count,
                                  const uint32_t *index, const double *factor);
 lg_term_numbers lg_numbers_entries;
+/* Whether one of the entries stands for this value of the term. */
+bool lg_machine_is_entry_of(const lg_machine_term *term, uint32_t index);
 /* lg_term_kind.scaling of the unknown entries. */
 void lg_machine_scale_entries(const lg_machine *machine, const lg_machine_term *term, const double *theta,
                               double *direction);
@@ -299,6 +312,8 @@ void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *
 /* Unpacks triangles: packed (B, lg_triangle(n)) -> (B, n, n). With `positive` the diagonal is exp of its
  * packed numbers. */
 lg_var lg_machine_record_triangle(lg_tape *tape, lg_var packed, uint32_t n, bool positive);
+/* The matrix (count, columns) with a 1 in row i, column at[i]. */
+lg_var lg_machine_record_places(lg_tape *tape, const uint32_t *at, uint32_t count, uint32_t columns);
 /* Columns first .. first + count - 1 of x (B, n); returns x itself if these are all columns. */
 lg_var lg_machine_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t count);
 
@@ -307,6 +322,9 @@ static inline lg_var lg_machine_parameter(lg_tape *tape, const lg_machine *machi
     return machine->parameters > 0 ? lg_parameter(tape, lg_shape1((uint32_t)machine->parameters), theta)
                                    : LG_NONE;
 }
+/* Writes to `out` the velocities on which a term of constant forces acts; returns their number. */
+LG_API uint32_t lg_machine_offset_velocities(const lg_machine *machine, const lg_machine_term *term,
+                                             uint32_t *out);
 /* The potential's forces in the order of the velocities, (B, velocities); LG_NONE: no potential. */
 lg_var lg_machine_record_pull(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
 /* Adds an impulse (B, velocities), in the order of the velocities, to the momenta in `parts`. */
@@ -384,6 +402,14 @@ typedef struct lg_machine_flow {
  * start and end, or LG_NONE. After an error `parts` are of no use. */
 lg_status lg_machine_variational_step(lg_tape *tape, const lg_machine_flow *flow, const lg_taped_span *over,
                                       const lg_var u[2], lg_var *parts);
+/* Binds theta to `vars`, and makes the flow of these. */
+lg_status lg_machine_begin_flow(lg_tape *tape, const lg_machine *machine, const lg_scheme *scheme,
+                                uint32_t substeps, lg_var theta, lg_machine_vars *vars,
+                                lg_machine_flow *flow);
+/* The state from z (B, numbers), positions and velocities in the order of logs and in scaled units; other
+ * numbers may follow. lg_machine_join_row is z of a state, behind which the bristles follow. */
+lg_status lg_machine_split_row(lg_tape *tape, const lg_machine_vars *vars, lg_var z, lg_var *parts);
+lg_var lg_machine_join_row(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
 /* Moves `parts` over one interval of the log: row i of the batch from row at[i] to the next one. */
 lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow, const lg_machine_log *log,
                                      const size_t *at, uint32_t count, lg_var *parts);
@@ -447,6 +473,8 @@ static inline double lg_machine_shown_unit(const lg_machine *machine, uint32_t k
  * these. */
 void lg_machine_shown_row(const lg_machine *machine, const lg_machine_log *log, size_t row, double *positions,
                           double *shown);
+/* The rotation vector of A^T B: the rotation from A to B, in the body axes of A. */
+LG_API void lg_machine_turn_between(const double *A, const double *B, double *out);
 /* Weights of the numbers of one row in the loss, in scaled units: factor/scale of the loss, 0 for a missing
  * number, and for positions where accelerations are measured. `velocities` are weights of what is shown. */
 void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double factor, double *positions,
@@ -557,6 +585,12 @@ size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, con
                              size_t room, lg_identified *out, lg_status *status);
 /* The fit problem of x (count), then of the starts as in lg_machine_fit_problem. Borrows `restriction`. */
 void lg_machine_restricted_problem(const lg_machine_restriction *restriction, lg_fit_problem *out);
+
+static inline bool lg_machine_has_part(const lg_machine *machine, lg_machine_part part) {
+    for (uint32_t i = 0; i < machine->term_count; i++)
+        if (machine->terms[i].part == part) return true;
+    return false;
+}
 
 /* Whether a term of the part (LG_MACHINE_PART_COUNT: of any part) depends on the position of a coordinate. */
 static inline bool lg_machine_sees(const lg_machine *machine, lg_machine_part part, uint32_t coordinate) {

@@ -51,18 +51,13 @@ static lg_status record(void *user, lg_tape *tape, const lg_var *parameters, con
     const uint32_t m = machine->input_count, n = p->numbers;
     const lg_var theta = machine->parameters > 0 ? in[m > 0 ? 3 : 2] : LG_NONE;
     lg_machine_vars vars;
-    lg_machine_flow flow = {.vars = &vars, .scheme = lg_scheme_find("cf4"), .substeps = p->substeps};
+    lg_machine_flow flow;
     lg_var u[4] = {LG_NONE, LG_NONE, LG_NONE, LG_NONE}, parts[LG_TAPED_MAX_PARTS], columns[COLUMNS];
-    LG_TRY(lg_machine_bind(tape, machine, theta, &vars));
-    LG_TRY(lg_machine_space(machine, &flow.space));
-    LG_TRY(lg_machine_record_state(tape, &vars, lg_machine_columns(tape, in[0], 0, machine->positions),
-                                   lg_machine_columns(tape, in[0], machine->positions, machine->velocities),
-                                   parts));
+    LG_TRY(lg_machine_begin_flow(tape, machine, lg_scheme_find("cf4"), p->substeps, theta, &vars, &flow));
+    LG_TRY(lg_machine_split_row(tape, &vars, in[0], parts));
     for (uint32_t k = 0; k < p->powers && m > 0; k++) u[k] = lg_machine_columns(tape, in[2], k * m, m);
     LG_TRY(lg_machine_record_interval_of(tape, &flow, u, in[1], parts));
-    const lg_var both[2] = {lg_machine_record_positions(tape, &vars, parts),
-                            lg_machine_record_velocities(tape, &vars, parts)};
-    out[0] = lg_concat(tape, both, 2, 1);
+    out[0] = lg_machine_join_row(tape, &vars, parts);
     LG_TRY(differentiate(tape, out[0], in[0], columns));
     if (p->columns > n) LG_TRY(differentiate(tape, out[0], theta, columns + n));
     out[1] = lg_concat(tape, columns, p->columns, 1);
@@ -167,7 +162,7 @@ static void take(const interval_plan *p, lg_chain *c, size_t from, size_t s) {
     }
 }
 
-bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c, uint32_t j) {
+bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c) {
     const interval_plan *p = plan_of(tape, c);
     if (p == NULL) return false;
     const double *theta = c->shared > 0 ? c->theta : c->problem->theta;
@@ -177,7 +172,7 @@ bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c, uint32_t j) {
         const size_t left = c->count - first, count = left < ROWS ? left : ROWS;
         for (size_t i = 0; i < ROWS; i++) {
             const size_t s = first + (i < count ? i : 0);
-            fill(p, c, s, lg_chain_row(c, s, j), i);
+            fill(p, c, s, c->at[s], i);
         }
         lg_plan_eval(p->plan, in, (void *const[]){p->next, p->slopes}, p->work);
         for (size_t i = 0; i < count; i++) take(p, c, i, first + i);

@@ -44,13 +44,12 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
     lg_machine_along_row(problem, row, along);
     for (uint32_t i = 0; i < machine->positions + machine->velocities; i++) share[i] = share[i] != 0.0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
         const double position = factor * noise->position[i] / problem->position_scale[i],
                      velocity = factor * noise->velocity[i] / problem->velocity_scale[i];
         double *of_q = share + at.position, *of_v = share + machine->positions + at.velocity;
-        for (uint32_t k = 0; k < lg_coordinate_positions(kind); k++) of_q[k] *= position * position;
-        for (uint32_t k = 0; k < lg_coordinate_row_of(kind)->velocities; k++) of_v[k] *= velocity * velocity;
+        for (uint32_t k = 0; k < at.positions; k++) of_q[k] *= position * position;
+        for (uint32_t k = 0; k < at.velocities; k++) of_v[k] *= velocity * velocity;
     }
     for (uint32_t i = 0; i < all.seen; i++) {
         const lg_row_axis *a = &all.each[i];
@@ -83,7 +82,7 @@ static lg_status run_chain(const lg_machine_problem *problem, lg_tape *tape, con
     if (memory == NULL) return lg_tape_status(tape);
     lg_chain_place(&c, memory);
     const lg_status status =
-        lg_machine_is_long(problem) ? lg_chain_pass_long(tape, &c, floor) : lg_chain_pass_window(tape, &c);
+        lg_machine_is_long(problem) ? lg_chain_pass_long(tape, &c, floor) : lg_chain_pass_windows(tape, &c);
     if (status == LG_OK) put_priors(&c, batch);
     lg_pool_give(tape, memory, bytes);
     *loss = c.loss;

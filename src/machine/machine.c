@@ -133,12 +133,6 @@ static lg_status term_fails(const lg_machine_term *term, lg_error *error, const 
                    term->kind->name, what);
 }
 
-static bool has_part(const lg_machine *machine, lg_machine_part part) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == part) return true;
-    return false;
-}
-
 /* Whether an earlier term of the same kind changes the coefficients of the same term: together they might
  * give energy. */
 static bool changes_again(const lg_machine *machine, const lg_machine_term *term) {
@@ -163,7 +157,8 @@ static lg_status check_term(const lg_machine *machine, const lg_machine_term *te
                           term->kind->least > 1 ? "the degree must be 2 to 8" : "the degree must be 1 to 8");
     if ((options & LG_TERM_WIDTH) != 0 && !(term->width >= 0.0 && isfinite(term->width)))
         return term_fails(term, error, "the width must be above 0, or 0 for a width from the log");
-    if ((options & LG_TERM_INPUTS) != 0 && term->of_count == 0 && !has_part(machine, LG_MACHINE_POTENTIAL))
+    if ((options & LG_TERM_INPUTS) != 0 && term->of_count == 0 &&
+        !lg_machine_has_part(machine, LG_MACHINE_POTENTIAL))
         return term_fails(term, error,
                           "needs `of`, the inputs that load it, or a potential whose force does");
     if (term->kind->base != NULL && changes_again(machine, term))
@@ -216,7 +211,7 @@ static lg_status set_term(const lg_machine *machine, lg_machine_term *term, lg_e
 /* Fails if the machine has no mass, or if its directions have none. */
 static lg_status check_mass(const lg_machine *machine, lg_error *error) {
     bool directions = machine->directions == 0;
-    if (!has_part(machine, LG_MACHINE_MASS))
+    if (!lg_machine_has_part(machine, LG_MACHINE_MASS))
         return lg_fail(error, LG_INVALID_ARGUMENT, "a machine needs a mass");
     for (uint32_t i = 0; i < machine->term_count; i++)
         directions = directions ||
@@ -236,9 +231,8 @@ static void add_known(const lg_machine *machine, const lg_machine_term *term, do
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = 0; j < n; j++) {
             const uint32_t index = diagonal ? i : i * n + j;
-            bool open = diagonal && i != j;
-            for (uint32_t k = 0; k < term->entry_count; k++) open = open || term->entries[k].index == index;
-            if (!open) sum[i * n + j] += term->values[index];
+            if (!(diagonal && i != j) && !lg_machine_is_entry_of(term, index))
+                sum[i * n + j] += term->values[index];
         }
 }
 
@@ -293,11 +287,8 @@ static lg_status check_positive(const lg_machine *machine, lg_machine_part part,
 
 /* Whether one of the term's values is known and not 0: 0 fixes no factor. */
 static bool gives_factor(const lg_machine_term *term) {
-    for (uint32_t i = 0; i < term->value_count; i++) {
-        bool open = term->values[i] == 0.0;
-        for (uint32_t k = 0; k < term->entry_count; k++) open = open || term->entries[k].index == i;
-        if (!open) return true;
-    }
+    for (uint32_t i = 0; i < term->value_count; i++)
+        if (term->values[i] != 0.0 && !lg_machine_is_entry_of(term, i)) return true;
     return false;
 }
 
@@ -348,8 +339,8 @@ lg_status lg_machine_init(lg_machine *machine, lg_error *error) {
     machine->sticks = lg_machine_find_sticking(machine);
     machine->weights = place_parameters(machine, true, 0);
     machine->parameters = place_parameters(machine, false, machine->weights);
-    if (machine->input_count > 0 && !has_part(machine, LG_MACHINE_INPUT_MAP) &&
-        !has_part(machine, LG_MACHINE_RESIDUAL))
+    if (machine->input_count > 0 && !lg_machine_has_part(machine, LG_MACHINE_INPUT_MAP) &&
+        !lg_machine_has_part(machine, LG_MACHINE_RESIDUAL))
         return lg_fail(error, LG_INVALID_ARGUMENT, "there are inputs, but no input_map");
     lg_prior priors[LG_MACHINE_PRIORS];
     if (lg_machine_list_priors(machine, priors) > LG_MACHINE_PRIORS)

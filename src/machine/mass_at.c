@@ -14,16 +14,14 @@ enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_COORDINATES };
 static uint32_t embed(const lg_machine *machine, const double *positions, double *out) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
-        const double *q = positions + lg_machine_offsets_of(machine, i).position;
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const double *q = positions + at.position;
         if (!lg_machine_sees(machine, LG_MACHINE_MASS, i)) continue;
-        if (kind == LG_COORDINATE_ANGLE) {
+        if (at.angle) {
             out[count++] = sin(*q);
             out[count++] = cos(*q);
-            continue;
         }
-        memcpy(out + count, q, lg_coordinate_positions(kind) * sizeof *out);
-        count += lg_coordinate_positions(kind);
+        for (uint32_t k = 0; k < at.positions && !at.angle; k++) out[count++] = q[k];
     }
     return count;
 }

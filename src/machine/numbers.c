@@ -28,12 +28,11 @@ void lg_numbers_read(lg_number_list *l, lg_var x, size_t count, double *out) {
 void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size) {
     uint32_t i = 0;
     while (i + 1 < machine->coordinate_count && lg_machine_offsets_of(machine, i + 1).velocity <= k) i++;
-    const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
-    const uint32_t number = k - lg_machine_offsets_of(machine, i).velocity + 1;
-    if (each == 1)
+    const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    if (at.velocities == 1)
         (void)snprintf(text, size, "%s", machine->coordinates[i].name);
     else
-        (void)snprintf(text, size, "%s.%u", machine->coordinates[i].name, number);
+        (void)snprintf(text, size, "%s.%u", machine->coordinates[i].name, k - at.velocity + 1);
 }
 
 /* ---- biases ---- */
@@ -43,11 +42,10 @@ void lg_numbers_bias(lg_number_list *l, const lg_machine *machine, const lg_mach
     const lg_machine_scales *s = &machine->scales;
     for (uint32_t i = 0; i < term->of_count; i++) {
         const lg_machine_feature of = term->of[i];
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[of.index].kind);
         const lg_machine_offsets at = lg_machine_offsets_of(machine, of.index);
         const char *name = machine->coordinates[of.index].name;
         const bool velocity = of.kind == LG_FEATURE_VELOCITY;
-        const uint32_t count = velocity ? row->velocities : row->places;
+        const uint32_t count = velocity ? at.velocities : at.places;
         const char *of_what = !velocity ? "" : machine->accelerations ? ".acceleration" : ".velocity";
         for (uint32_t k = 0; k < count; k++) {
             const double unit =

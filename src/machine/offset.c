@@ -5,22 +5,20 @@
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
-/* Writes to `out` the velocities on which the term acts; returns their number. */
-static uint32_t velocities_of(const lg_machine *machine, const lg_machine_term *term, uint32_t *out) {
+uint32_t lg_machine_offset_velocities(const lg_machine *machine, const lg_machine_term *term, uint32_t *out) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         bool listed = term->of_count == 0;
         for (uint32_t k = 0; k < term->of_count; k++) listed = listed || term->of[k].index == i;
-        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
-        const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
-        for (uint32_t k = 0; listed && k < each; k++) out[count++] = first + k;
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        for (uint32_t k = 0; listed && k < at.velocities; k++) out[count++] = at.velocity + k;
     }
     return count;
 }
 
 static size_t count_forces(const lg_machine *machine, const lg_machine_term *term) {
     uint32_t list[LG_MACHINE_VELOCITIES];
-    return velocities_of(machine, term, list);
+    return lg_machine_offset_velocities(machine, term, list);
 }
 
 /* The forces, (B, velocities); 0 on velocities on which the term does not act. */
@@ -28,17 +26,15 @@ static lg_var record(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, 
     const lg_machine *machine = vars->machine;
     const lg_machine_term *own = &machine->terms[term];
     uint32_t list[LG_MACHINE_VELOCITIES];
-    uint32_t index[LG_MACHINE_VELOCITIES];
     double place[LG_MACHINE_VALUES] = {0.0}, factor[LG_MACHINE_VELOCITIES];
-    const uint32_t n = machine->velocities, count = velocities_of(machine, own, list);
+    const uint32_t n = machine->velocities, count = lg_machine_offset_velocities(machine, own, list);
     for (uint32_t i = 0; i < count; i++) {
         place[i * n + list[i]] = 1.0;
-        index[i] = i;
         factor[i] = machine->scales.velocity[list[i]] / machine->scales.energy;
     }
     const lg_shape row = lg_shape2(1, count);
     const lg_var force = own->value_count > 0
-                             ? lg_machine_record_entries(tape, vars, term, count, index, factor)
+                             ? lg_machine_record_entries(tape, vars, term, count, NULL, factor)
                              : lg_reshape(tape, vars->theta[term], row);
     const lg_var all = lg_matmul(tape, force, lg_input_f64(tape, lg_shape2(count, n), place));
     const lg_var zeros = lg_full(tape, lg_shape2(seen->rows, n), 0.0);
@@ -50,7 +46,7 @@ static void entry(const lg_machine *machine, const lg_machine_term *term, uint32
                   lg_entry_about *out) {
     uint32_t list[LG_MACHINE_VELOCITIES];
     char name[48];
-    (void)velocities_of(machine, term, list);
+    (void)lg_machine_offset_velocities(machine, term, list);
     *out = (lg_entry_about){.unit = machine->scales.energy / machine->scales.velocity[list[index]],
                             .single = true};
     lg_machine_velocity_name(machine, list[index], name, sizeof name);

@@ -31,9 +31,7 @@ static void find_rows(const runs *r, size_t step) {
 static lg_status begin(lg_tape *tape, const runs *r, lg_machine_vars *vars, lg_machine_flow *flow) {
     lg_tape_reset(tape);
     const lg_var theta = lg_machine_parameter(tape, r->machine, r->theta);
-    LG_TRY(lg_machine_bind(tape, r->machine, theta, vars));
-    *flow = (lg_machine_flow){.vars = vars, .scheme = r->scheme, .substeps = r->substeps};
-    return lg_machine_space(r->machine, &flow->space);
+    return lg_machine_begin_flow(tape, r->machine, r->scheme, r->substeps, theta, vars, flow);
 }
 
 /* NaN marks rows that are not predicted. */

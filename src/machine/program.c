@@ -43,9 +43,9 @@ static void fill_state(recording *r) {
     for (uint32_t k = 0; k < 9 * machine->rotations; k++) *state++ = 1.0;
     for (uint32_t k = 0; k < 3 * machine->rotations; k++) *field++ = 1.0 / s->time;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        const double *L = s->velocity + lg_machine_offsets_of(machine, i).velocity;
-        for (uint32_t k = 0; row->directions == 0 && k < row->velocities; k++) {
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const double *L = s->velocity + at.velocity;
+        for (uint32_t k = 0; at.directions == 0 && k < at.velocities; k++) {
             *state++ = s->energy * s->time / L[k];
             *field++ = s->energy / L[k];
         }

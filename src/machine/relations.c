@@ -1,7 +1,5 @@
 /* Machines: correlations of the numbers' errors, and directions that the logs leave open. */
 #include <math.h>
-#include <stdarg.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "core/core.h"
@@ -86,28 +84,14 @@ lg_status lg_machine_relate(const lg_context *context, size_t count, double *cov
 
 /* ---- sentences ---- */
 
-typedef struct listing {
-    char *text;
-    size_t size, used;
-} listing;
-
-static void __attribute__((format(printf, 2, 3))) add(listing *l, const char *format, ...);
-static void add(listing *l, const char *format, ...) {
-    va_list arguments;
-    if (l->used >= l->size) return;
-    va_start(arguments, format);
-    l->used += (size_t)lg_format_list(l->text + l->used, l->size - l->used, format, arguments);
-    va_end(arguments);
-}
-
 /* Lists the names of the numbers that move: "a, b and c". With `changes` each has its relative change. */
-static void list_moving(listing *l, const lg_identified *numbers, size_t count, const double *row,
-                        size_t moving, bool changes) {
+static void list_moving(const lg_identified *numbers, size_t count, const double *row, size_t moving,
+                        bool changes, char *text, size_t size) {
     size_t told = 0;
     for (size_t i = 0; i < count; i++) {
         if (row[i] == 0.0) continue;
-        add(l, "%s%s", told == 0 ? "" : told + 1 == moving ? " and " : ", ", numbers[i].name);
-        if (changes) add(l, " by %+.2g %%", row[i]);
+        lg_append(text, size, "%s%s", told == 0 ? "" : told + 1 == moving ? " and " : ", ", numbers[i].name);
+        if (changes) lg_append(text, size, " by %+.2g %%", row[i]);
         told++;
     }
 }
@@ -116,7 +100,6 @@ size_t lg_identification_sentence(const lg_identification *of, size_t count, siz
                                   size_t size) {
     static const double close = 0.02;
     const double *move = of->open + row * count;
-    listing l = {text, size, 0};
     size_t moving = 0, up = 0, down = 0;
     for (size_t i = 0; i < count; i++) {
         moving += move[i] != 0.0;
@@ -124,12 +107,13 @@ size_t lg_identification_sentence(const lg_identification *of, size_t count, siz
         down += fabs(move[i] + 1.0) < close;
     }
     const bool equal = up == moving || down == moving, pair = moving == 2 && up == 1 && down == 1;
-    if (size > 0) text[0] = '\0';
-    list_moving(&l, of->numbers, count, move, moving, !equal && !pair);
-    add(&l, "%s: give one of them as known",
-        pair          ? " appear only as a product"
-        : !equal      ? " can change together without changing what the logs show"
-        : moving == 2 ? " appear only as a ratio"
-                      : " are determined only up to a common factor");
+    if (size == 0) return moving;
+    text[0] = '\0';
+    list_moving(of->numbers, count, move, moving, !equal && !pair, text, size);
+    lg_append(text, size, "%s: give one of them as known",
+              pair          ? " appear only as a product"
+              : !equal      ? " can change together without changing what the logs show"
+              : moving == 2 ? " appear only as a ratio"
+                            : " are determined only up to a common factor");
     return moving;
 }

@@ -63,13 +63,6 @@ static lg_status push(lg_tape *tape, const lg_machine *machine, const double *th
     return lg_read(tape, lg_machine_record_rates(tape, &vars, parts), (size_t)p->count * n, p->after);
 }
 
-static bool has_damping(const lg_machine *machine) {
-    bool any = false;
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        any = any || machine->terms[i].part == LG_MACHINE_DAMPING;
-    return any;
-}
-
 lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *machine, const double *theta,
                                const lg_machine_log *log, double *rate, lg_error *error) {
     enum { ROWS = 32 };
@@ -81,7 +74,7 @@ lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *mach
         const size_t row = i * log->rows / ROWS;
         if (lg_machine_log_complete(machine, log, row, true)) rows[count++] = row;
     }
-    if (count == 0 || !has_damping(machine)) return LG_OK;
+    if (count == 0 || !lg_machine_has_part(machine, LG_MACHINE_DAMPING)) return LG_OK;
     const size_t n = machine->velocities, all = count * n;
     LG_TRY_SCRATCH(double, memory, context, all *(machine->positions + 2 * n + machine->input_count),
                    lg_no_memory(error));

@@ -11,11 +11,9 @@ lg_row_axes lg_row_axes_of(const lg_machine *machine) {
     lg_row_axes all = {.numbers = machine->positions + machine->velocities + machine->bristles};
     for (int kind = LG_ALONG; kind <= LG_TURN_ROTATION; kind++)
         for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-            const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-            const uint32_t first = lg_machine_offsets_of(machine, i).position;
-            if (kind == LG_ALONG) add_axes(&all, kind, first, row->places);
-            if (kind == LG_TURN_DIRECTION && row->directions > 0) add_axes(&all, kind, first, 3);
-            if (kind == LG_TURN_ROTATION && row->rotations > 0) add_axes(&all, kind, first + row->places, 3);
+            const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+            const uint32_t axes[] = {at.places, 3 * at.directions, 3 * at.rotations};
+            add_axes(&all, kind, at.position + (kind == LG_TURN_ROTATION ? at.places : 0), axes[kind]);
         }
     add_axes(&all, LG_ALONG, machine->positions, machine->velocities);
     all.seen = all.count;

@@ -27,8 +27,7 @@ bool lg_machine_log_complete(const lg_machine *machine, const lg_machine_log *lo
     return true;
 }
 
-/* The rotation vector of A^T B: the rotation from A to B, in the body axes of A. */
-static void turn_between(const double *A, const double *B, double *out) {
+void lg_machine_turn_between(const double *A, const double *B, double *out) {
     double C[9];
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) C[3 * i + j] = A[i] * B[j] + A[3 + i] * B[3 + j] + A[6 + i] * B[6 + j];
@@ -58,19 +57,19 @@ static double slope(const lg_machine_log *log, const double *q, size_t stride, s
  * last, directions and rotations from the two neighbouring rows. */
 static void difference(const lg_machine *machine, const lg_machine_log *log, uint32_t i, size_t first,
                        size_t last, size_t row, double *out) {
-    const lg_coordinate_row *kind = lg_coordinate_row_of(machine->coordinates[i].kind);
-    const size_t n = machine->positions, at = lg_machine_offsets_of(machine, i).position;
-    const size_t before = row > first ? row - 1 : row, after = row < last ? row + 1 : row;
-    const double *a = log->q + before * n + at, *b = log->q + after * n + at, *q = log->q + row * n + at;
+    const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    const size_t n = machine->positions, before = row > first ? row - 1 : row,
+                 after = row < last ? row + 1 : row;
+    const double *q = log->q + at.position, *a = q + before * n, *b = q + after * n;
     const double h = log->t[after] - log->t[before];
     double x[3] = {0, 0, 0};
-    for (uint32_t k = 0; k < kind->places; k++) x[k] = slope(log, log->q + at + k, n, first, last, row);
-    if (kind->rotations > 0) {
-        const double *R = q + kind->places;
-        for (uint32_t k = 0; k < kind->places; k++) out[k] = R[k] * x[0] + R[3 + k] * x[1] + R[6 + k] * x[2];
-        turn_between(a + kind->places, b + kind->places, out + kind->places);
-        for (uint32_t k = kind->places; k < kind->velocities; k++) out[k] /= h;
-    } else if (kind->directions > 0) {
+    for (uint32_t k = 0; k < at.places; k++) x[k] = slope(log, q + k, n, first, last, row);
+    if (at.rotations > 0) {
+        const double *R = q + row * n + at.places;
+        for (uint32_t k = 0; k < at.places; k++) out[k] = R[k] * x[0] + R[3 + k] * x[1] + R[6 + k] * x[2];
+        lg_machine_turn_between(a + at.places, b + at.places, out + at.places);
+        for (uint32_t k = at.places; k < at.velocities; k++) out[k] /= h;
+    } else if (at.directions > 0) {
         for (int k = 0; k < 3; k++) {
             const int l = (k + 1) % 3, m = (k + 2) % 3;
             out[k] = (a[l] * b[m] - a[m] * b[l]) / h;
@@ -91,20 +90,17 @@ static void neighbours(const lg_machine_log *log, size_t row, size_t *first, siz
  * these are missing, too. */
 static void velocity_in(const lg_machine *machine, const lg_machine_log *log, size_t row, uint32_t i,
                         double *out) {
-    const lg_coordinate_row *kind = lg_coordinate_row_of(machine->coordinates[i].kind);
     const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
     const double *v = log->v + row * machine->velocities + at.velocity;
     bool known = true;
-    for (uint32_t k = 0; k < kind->velocities; k++) known = known && !isnan(v[k]);
-    if (known) {
-        memcpy(out, v, kind->velocities * sizeof *out);
-        return;
-    }
+    memcpy(out, v, at.velocities * sizeof *out);
+    for (uint32_t k = 0; k < at.velocities; k++) known = known && !isnan(v[k]);
+    if (known) return;
     size_t first, last;
     neighbours(log, row, &first, &last);
-    for (uint32_t k = 0; k < kind->velocities; k++) out[k] = 0.0;
+    for (uint32_t k = 0; k < at.velocities; k++) out[k] = 0.0;
     if (last > first) difference(machine, log, i, first, last, row, out);
-    for (uint32_t k = 0; k < kind->velocities; k++)
+    for (uint32_t k = 0; k < at.velocities; k++)
         if (isnan(out[k])) out[k] = 0.0;
 }
 
@@ -113,19 +109,17 @@ void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log
     const lg_machine_scales *s = &machine->scales;
     for (size_t r = 0; r < count; r++)
         for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-            const lg_coordinate_kind kind = machine->coordinates[i].kind;
-            const lg_coordinate_row *row = lg_coordinate_row_of(kind);
             const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
             const double *q = log->q + rows[r] * machine->positions + at.position;
             double *x = positions + r * machine->positions + at.position;
-            for (uint32_t k = 0; k < lg_coordinate_positions(kind); k++) {
-                const double scale = k < row->places ? s->place[at.place + k] : 1.0;
+            for (uint32_t k = 0; k < at.positions; k++) {
+                const double scale = k < at.places ? s->place[at.place + k] : 1.0;
                 x[k] = isnan(q[k]) ? 0.0 : q[k] / scale;
             }
             if (velocities == NULL) continue;
             double *v = velocities + r * machine->velocities + at.velocity;
             velocity_in(machine, log, rows[r], i, v);
-            for (uint32_t k = 0; k < row->velocities; k++) v[k] *= s->time / s->velocity[at.velocity + k];
+            for (uint32_t k = 0; k < at.velocities; k++) v[k] *= s->time / s->velocity[at.velocity + k];
         }
 }
 
@@ -153,8 +147,7 @@ void lg_machine_unscale_row(const lg_machine *machine, double *positions, double
     const lg_machine_scales *s = &machine->scales;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        const uint32_t places = lg_coordinate_row_of(machine->coordinates[i].kind)->places;
-        for (uint32_t k = 0; k < places; k++) positions[at.position + k] *= s->place[at.place + k];
+        for (uint32_t k = 0; k < at.places; k++) positions[at.position + k] *= s->place[at.place + k];
     }
     for (uint32_t k = 0; k < machine->velocities; k++) velocities[k] *= s->velocity[k] / s->time;
 }

@@ -12,19 +12,18 @@ typedef struct moments {
     double input[LG_MACHINE_INPUTS], force[LG_MACHINE_VELOCITIES];
 } moments;
 
-typedef struct sums {
-    double sum;
-    size_t count;
-} sums;
-
-static void add(sums *s, double x) {
+void lg_squares_add(lg_squares *s, double x) {
     if (isnan(x)) return;
     s->sum += x * x;
     s->count++;
 }
 
-static double root(const sums *s) {
-    return s->count > 0 ? sqrt(s->sum / (double)s->count) : 0.0;
+double lg_squares_root(const lg_squares *s) {
+    return s->count > 0 ? sqrt(s->sum / (double)s->count) : NAN;
+}
+
+static double root(const lg_squares *s) {
+    return s->count > 0 ? lg_squares_root(s) : 0.0;
 }
 
 /* Velocities of a row, in the log's units if the scales of `plain` are 1. Velocities that were not measured
@@ -35,20 +34,20 @@ static void velocities_at(const lg_machine *plain, const lg_machine_log *log, si
 }
 
 static void measure_motion(const lg_machine *plain, const lg_machine_log *log, moments *out) {
-    sums velocity[LG_MACHINE_COORDINATES] = {{0, 0}}, acceleration[LG_MACHINE_VELOCITIES] = {{0, 0}};
+    lg_squares velocity[LG_MACHINE_COORDINATES] = {{0, 0}}, acceleration[LG_MACHINE_VELOCITIES] = {{0, 0}};
     double before[LG_MACHINE_VELOCITIES] = {0}, v[LG_MACHINE_VELOCITIES];
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++) {
             velocities_at(plain, log, row, v);
             for (uint32_t i = 0; i < plain->coordinate_count; i++) {
-                const uint32_t first = lg_machine_offsets_of(plain, i).velocity;
-                const uint32_t count = lg_coordinate_row_of(plain->coordinates[i].kind)->velocities;
-                for (uint32_t k = first; k < first + count; k++) add(&velocity[i], v[k]);
+                const lg_machine_offsets at = lg_machine_offsets_of(plain, i);
+                for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
+                    lg_squares_add(&velocity[i], v[k]);
             }
             for (uint32_t k = 0; k < plain->velocities; k++) {
                 if (isfinite(v[k])) out->fastest[k] = fmax(out->fastest[k], fabs(v[k]));
                 if (row > log->first[p])
-                    add(&acceleration[k], (v[k] - before[k]) / (log->t[row] - log->t[row - 1]));
+                    lg_squares_add(&acceleration[k], (v[k] - before[k]) / (log->t[row] - log->t[row - 1]));
                 before[k] = v[k];
             }
         }
@@ -65,14 +64,14 @@ static const lg_machine_term *known_term(const lg_machine *machine, lg_machine_p
 static void measure_inputs(const lg_machine *machine, const lg_machine_log *log, moments *out) {
     const uint32_t m = machine->input_count;
     const lg_machine_term *map = known_term(machine, LG_MACHINE_INPUT_MAP);
-    sums input[LG_MACHINE_INPUTS] = {{0, 0}}, force[LG_MACHINE_VELOCITIES] = {{0, 0}};
+    lg_squares input[LG_MACHINE_INPUTS] = {{0, 0}}, force[LG_MACHINE_VELOCITIES] = {{0, 0}};
     for (size_t row = 0; row < log->rows; row++) {
         const double *u = log->u + row * 4 * m;
-        for (uint32_t j = 0; j < m; j++) add(&input[j], u[j]);
+        for (uint32_t j = 0; j < m; j++) lg_squares_add(&input[j], u[j]);
         for (uint32_t i = 0; map != NULL && i < machine->velocities; i++) {
             double f = 0.0;
             for (uint32_t j = 0; j < m; j++) f += map->values[i * m + j] * u[j];
-            add(&force[i], f);
+            lg_squares_add(&force[i], f);
         }
     }
     for (uint32_t j = 0; j < m; j++) out->input[j] = root(&input[j]);
@@ -88,11 +87,10 @@ static double time_of(const lg_machine *machine, const moments *size) {
     double logs = 0.0;
     size_t count = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
-        const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
         double square = 0.0;
-        for (uint32_t k = first; k < first + each; k++)
-            square += size->acceleration[k] * size->acceleration[k] / each;
+        for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
+            square += size->acceleration[k] * size->acceleration[k] / at.velocities;
         if (!(size->velocity[i] > 0.0 && square > 0.0)) continue;
         logs += log(size->velocity[i] / sqrt(square));
         count++;
@@ -103,14 +101,11 @@ static double time_of(const lg_machine *machine, const moments *size) {
 static void set_lengths(lg_machine *machine, const moments *size) {
     lg_machine_scales *s = &machine->scales;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
-        const lg_coordinate_row *row = lg_coordinate_row_of(kind);
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        const bool length = row->places > 0 && kind != LG_COORDINATE_ANGLE;
+        const bool length = at.places > 0 && !at.angle;
         const double L = length && size->velocity[i] > 0.0 ? size->velocity[i] * s->time : 1.0;
-        for (uint32_t k = 0; k < row->places; k++) s->place[at.place + k] = L;
-        for (uint32_t k = 0; k < row->velocities; k++)
-            s->velocity[at.velocity + k] = k < row->places ? L : 1.0;
+        for (uint32_t k = 0; k < at.places; k++) s->place[at.place + k] = L;
+        for (uint32_t k = 0; k < at.velocities; k++) s->velocity[at.velocity + k] = k < at.places ? L : 1.0;
     }
 }
 

@@ -15,16 +15,15 @@ void lg_machine_start_units(const lg_machine_problem *problem, double *scale) {
     const uint32_t directions = machine->places, rotations = directions + 3 * machine->directions,
                    velocities = rotations + 3 * machine->rotations;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
         const double T = machine->scales.time, shown = unit * problem->velocity_scale[i];
         const double q = machine->accelerations ? T * T * shown : unit * problem->position_scale[i],
                      v = machine->accelerations ? T * shown : shown;
-        for (uint32_t k = 0; k < row->places; k++)
+        for (uint32_t k = 0; k < at.places; k++)
             scale[at.place + k] = q / machine->scales.place[at.place + k];
-        for (uint32_t k = 0; k < 3 * row->directions; k++) scale[directions + 3 * at.direction + k] = q;
-        for (uint32_t k = 0; k < 3 * row->rotations; k++) scale[rotations + 3 * at.rotation + k] = q;
-        for (uint32_t k = at.velocity; k < at.velocity + row->velocities; k++)
+        for (uint32_t k = 0; k < 3 * at.directions; k++) scale[directions + 3 * at.direction + k] = q;
+        for (uint32_t k = 0; k < 3 * at.rotations; k++) scale[rotations + 3 * at.rotation + k] = q;
+        for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
             scale[velocities + k] = v * machine->scales.time / machine->scales.velocity[k];
     }
 }

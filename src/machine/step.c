@@ -235,6 +235,28 @@ static void fill_coefficients(lg_tape *tape, interval *over, uint32_t powers) {
         over->u[k] = coefficients(tape, machine, over->log, over->at, over->count, k);
 }
 
+lg_status lg_machine_begin_flow(lg_tape *tape, const lg_machine *machine, const lg_scheme *scheme,
+                                uint32_t substeps, lg_var theta, lg_machine_vars *vars,
+                                lg_machine_flow *flow) {
+    LG_TRY(lg_machine_bind(tape, machine, theta, vars));
+    *flow = (lg_machine_flow){.vars = vars, .scheme = scheme, .substeps = substeps};
+    return lg_machine_space(machine, &flow->space);
+}
+
+lg_status lg_machine_split_row(lg_tape *tape, const lg_machine_vars *vars, lg_var z, lg_var *parts) {
+    const lg_machine *machine = vars->machine;
+    return lg_machine_record_state(tape, vars, lg_machine_columns(tape, z, 0, machine->positions),
+                                   lg_machine_columns(tape, z, machine->positions, machine->velocities),
+                                   parts);
+}
+
+lg_var lg_machine_join_row(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
+    const int z = lg_machine_parts(vars->machine).z;
+    const lg_var all[3] = {lg_machine_record_positions(tape, vars, parts),
+                           lg_machine_record_velocities(tape, vars, parts), z < 0 ? LG_NONE : parts[z]};
+    return lg_concat(tape, all, z < 0 ? 2 : 3, 1);
+}
+
 lg_status lg_machine_record_interval(lg_tape *tape, const lg_machine_flow *flow, const lg_machine_log *log,
                                      const size_t *at, uint32_t count, lg_var *parts) {
     const lg_machine *machine = flow->vars->machine;

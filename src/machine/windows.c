@@ -94,21 +94,19 @@ void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double 
     const lg_machine *machine = problem->machine;
     const lg_machine_scales *s = &machine->scales;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
-        const lg_coordinate_row *is = lg_coordinate_row_of(kind);
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
         const double *q = problem->log.q + row * machine->positions,
                      *v = (machine->accelerations ? problem->log.a : problem->log.v) +
                           row * machine->velocities;
-        for (uint32_t k = at.position; k < at.position + lg_coordinate_positions(kind); k++) {
+        for (uint32_t k = at.position; k < at.position + at.positions; k++) {
             const uint32_t place = k - at.position;
-            const double unit = place < is->places  ? s->place[at.place + place]
-                                : is->rotations > 0 ? sqrt(0.5)
-                                                    : 1.0;
+            const double unit = place < at.places  ? s->place[at.place + place]
+                                : at.rotations > 0 ? sqrt(0.5)
+                                                   : 1.0;
             const bool given = !isnan(q[k]) && !machine->accelerations;
             positions[k] = given ? factor * unit / problem->position_scale[i] : 0.0;
         }
-        for (uint32_t k = at.velocity; k < at.velocity + is->velocities; k++)
+        for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
             velocities[k] =
                 isnan(v[k]) ? 0.0 : factor * lg_machine_shown_unit(machine, k) / problem->velocity_scale[i];
     }
@@ -117,10 +115,9 @@ void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double 
 void lg_machine_along_row(const lg_machine_problem *problem, size_t row, double *along) {
     const lg_machine *machine = problem->machine;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *is = lg_coordinate_row_of(machine->coordinates[i].kind);
         const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
         const double *q = problem->log.q + row * machine->positions + at.position;
-        for (uint32_t k = 0; k < is->velocities; k++)
-            along[at.velocity + k] = is->directions > 0 && !isnan(q[k]) ? q[k] : 0.0;
+        for (uint32_t k = 0; k < at.velocities; k++)
+            along[at.velocity + k] = at.directions > 0 && !isnan(q[k]) ? q[k] : 0.0;
     }
 }

@@ -191,7 +191,9 @@ TEST("the rows of a long window are solved for together: loss, residuals and Jac
     add_feature(spring, LG_FEATURE_POSITION, 0);
     add_feature(spring, LG_FEATURE_POSITION, 1);
     (void)add_term(&machine, LG_MACHINE_DAMPING, "diagonal");
-    (void)add_term(&machine, LG_MACHINE_INPUT_MAP, "constant");
+    lg_machine_term *map = add_term(&machine, LG_MACHINE_INPUT_MAP, "known");
+    add_values(map, 2, (double[]){1, 0.5});
+    map->entries[map->entry_count++] = (lg_machine_entry){1, 0, 0, 0.2}; /* its prior has a row */
     odd_scales(&machine);
     assert_machine(&machine);
     task *t = make_task(&machine, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);

@@ -31,19 +31,6 @@ static bool friction(const double *force, lg_adaptation *out) {
     return true;
 }
 
-/* The velocity on which force number `index` of an offset acts. */
-static uint32_t velocity_of(const lg_machine *machine, const lg_machine_term *term, size_t index) {
-    uint32_t velocity = 0;
-    for (uint32_t i = 0;; i++) { /* ends: the term has a number `index`, and each number has a coordinate */
-        bool listed = term->of_count == 0;
-        for (uint32_t k = 0; k < term->of_count; k++) listed = listed || term->of[k].index == i;
-        const uint32_t each = lg_coordinate_row_of(machine->coordinates[i].kind)->velocities;
-        if (listed && index < each) return velocity + (uint32_t)index;
-        if (listed) index -= each;
-        velocity += each;
-    }
-}
-
 /* The number that changes with parameter `at` when all others are 0: its name, and its value where the
  * parameter is 1. Returns 0 if no number changes. */
 static double unit_of(const lg_machine *machine, size_t at, double *theta, char *name) {
@@ -66,8 +53,9 @@ static double unit_of(const lg_machine *machine, size_t at, double *theta, char 
  * pushes the velocity on which this number acts. */
 static bool push(const lg_machine_term *term, const double *force, size_t index, lg_adaptation *out) {
     const lg_machine *machine = &out->run.machine;
-    const uint32_t velocity =
-        velocity_of(machine, term, term->entry_count > 0 ? term->entries[index].index : index);
+    uint32_t all[LG_MACHINE_VELOCITIES];
+    (void)lg_machine_offset_velocities(machine, term, all);
+    const uint32_t velocity = all[term->entry_count > 0 ? term->entries[index].index : index];
     if (pushes(out, velocity)) return false;
     double *direction = out->directions + out->count * machine->parameters;
     const double unit = unit_of(machine, term->offset + index, direction, out->names[out->count]);

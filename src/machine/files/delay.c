@@ -18,14 +18,13 @@ static size_t fill(const lg_machine *machine, const lg_machine_log *log, bool li
     const double *q = log->q + row * nq, *v = log->v + row * nv;
     size_t used = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const uint32_t count = lg_coordinate_positions(machine->coordinates[i].kind);
-        for (uint32_t k = 0; k < count; k++) {
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        for (uint32_t k = at.position; k < at.position + at.positions; k++) {
             const double mean = 0.5 * (q[k] + q[nq + k]);
-            const bool angle = machine->coordinates[i].kind == LG_COORDINATE_ANGLE && !linear;
+            const bool angle = at.angle && !linear;
             z[used++] = angle ? sin(mean) : mean;
             if (angle) z[used++] = cos(mean);
         }
-        q += count;
     }
     for (size_t k = 0; k < nv; k++) z[used++] = 0.5 * (v[k] + v[nv + k]);
     for (size_t k = 0; k < m; k++) {

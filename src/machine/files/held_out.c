@@ -23,15 +23,11 @@ static double logged_at(const lg_machine *machine, const lg_machine_log *log, si
 static double mean_change(const lg_machine *machine, const lg_machine_log *log, size_t i, size_t lag) {
     enum { MOST = 20000 };
     const size_t every = log->rows / MOST + 1;
-    double sum = 0, count = 0;
+    lg_squares s = {0, 0};
     for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p]; row + lag < log->first[p + 1]; row += every) {
-            const double d = logged_at(machine, log, row + lag, i) - logged_at(machine, log, row, i);
-            if (isnan(d)) continue;
-            sum += d * d;
-            count++;
-        }
-    return sum / count;
+        for (size_t row = log->first[p]; row + lag < log->first[p + 1]; row += every)
+            lg_squares_add(&s, logged_at(machine, log, row + lag, i) - logged_at(machine, log, row, i));
+    return s.sum / (double)s.count;
 }
 
 /* Mean square of a number around its mean. */
@@ -98,17 +94,13 @@ static void find_weights(const lg_machine *machine, const lg_machine_log *log, l
     const size_t nq = machine->positions, n = nq + machine->velocities;
     bool any = false;
     for (size_t i = 0; i < n && !(i == nq && any); i++) {
-        double sum = 0, count = 0;
+        lg_squares s = {0, 0};
         for (size_t w = 0; w < out->count; w++)
-            for (size_t j = 1; j <= out->steps; j++) {
-                const double d =
-                    logged_at(machine, log, out->start[w] + j, i) - logged_at(machine, log, out->start[w], i);
-                if (isnan(d)) continue;
-                sum += d * d;
-                count++;
-            }
-        if (sum > 0) out->weight[i] = count / sum;
-        any = any || sum > 0;
+            for (size_t j = 1; j <= out->steps; j++)
+                lg_squares_add(&s, logged_at(machine, log, out->start[w] + j, i) -
+                                       logged_at(machine, log, out->start[w], i));
+        if (s.sum > 0) out->weight[i] = (double)s.count / s.sum;
+        any = any || s.sum > 0;
     }
 }
 

@@ -34,25 +34,21 @@ size_t lg_point_errors(const lg_machine *machine, const double *q, const double 
                        const double *given_v, bool turned, lg_point_error *out) {
     const lg_run_error of_v = machine->accelerations ? LG_ERROR_ACCELERATION : LG_ERROR_VELOCITY;
     size_t count = 0;
-    uint32_t at = 0, velocity = 0;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
-        const lg_coordinate_row *row = lg_coordinate_row_of(kind);
-        const uint32_t places = at + row->places, end = at + lg_coordinate_positions(kind);
-        const bool angle = kind == LG_COORDINATE_ANGLE;
-        const lg_run_error of_q = angle ? LG_ERROR_ANGLE : LG_ERROR_LINE,
-                           attitude = row->rotations > 0 ? LG_ERROR_ROTATION : LG_ERROR_DIRECTION;
-        for (; at < end && !machine->accelerations; at++) {
-            const bool whole = turned && at == places;
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const uint32_t places = at.position + at.places, end = at.position + at.positions;
+        const lg_run_error of_q = at.angle ? LG_ERROR_ANGLE : LG_ERROR_LINE,
+                           attitude = at.rotations > 0 ? LG_ERROR_ROTATION : LG_ERROR_DIRECTION;
+        for (uint32_t k = at.position; k < end && !machine->accelerations; k++) {
+            const bool whole = turned && k == places;
             const double error =
-                whole ? angle_of(q + at, given_q + at, end - at) : difference(q[at], given_q[at], angle);
-            out[count++] = (lg_point_error){error, i, at, at < places ? of_q : attitude};
+                whole ? angle_of(q + k, given_q + k, end - k) : difference(q[k], given_q[k], at.angle);
+            out[count++] = (lg_point_error){error, i, k, k < places ? of_q : attitude};
             if (whole) break;
         }
-        at = end;
-        for (uint32_t k = 0; k < row->velocities; k++, velocity++)
-            out[count++] = (lg_point_error){difference(v[velocity], given_v[velocity], false), i,
-                                            machine->positions + velocity, of_v};
+        for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
+            out[count++] =
+                (lg_point_error){difference(v[k], given_v[k], false), i, machine->positions + k, of_v};
     }
     return count;
 }
@@ -60,6 +56,7 @@ size_t lg_point_errors(const lg_machine *machine, const double *q, const double 
 /* ---- runs in memory ---- */
 
 typedef struct runs {
+    const lg_context *context;
     const lg_machine *machine;
     const lg_machine_log *log; /* with which the runs are compared */
     size_t steps, count;
@@ -67,11 +64,16 @@ typedef struct runs {
     double *q, *v;       /* predictions (count, steps + 1, ...); q is owned */
 } runs;
 
+static void runs_end(runs *r) {
+    lg_free(r->context, r->q);
+}
+
 /* Predicts the runs from states of the log `from`. */
-static lg_status predict(const lg_context *context, lg_runner *runner, const void *model,
-                         const lg_machine_log *from, runs *r, lg_error *error) {
+static lg_status predict(lg_runner *runner, const void *model, const lg_machine_log *from, runs *r,
+                         lg_error *error) {
     const size_t points = r->count * (r->steps + 1), nq = r->machine->positions;
-    r->q = lg_alloc(context, points * (nq + r->machine->velocities), sizeof *r->q);
+    runs_end(r);
+    r->q = lg_alloc(r->context, points * (nq + r->machine->velocities), sizeof *r->q);
     if (r->q == NULL) return lg_no_memory(error);
     r->v = r->q + points * nq;
     return runner(model, from, r->start, r->count, r->steps, r->q, r->v, error);
@@ -92,30 +94,13 @@ static size_t errors_at(const runs *r, size_t i, size_t step, bool unchanged, bo
                            lg_log_shown(r->log) + row * nv, turned, out);
 }
 
-/* ---- sums of squares ---- */
-
-typedef struct sums {
-    double sum;
-    size_t count;
-} sums;
-
-static void add(sums *s, double error) {
-    if (isnan(error)) return;
-    s->sum += error * error;
-    s->count++;
-}
-
-static double root(const sums *s) {
-    return s->count > 0 ? sqrt(s->sum / (double)s->count) : NAN;
-}
-
 /* Adds the errors of run i up to `seconds` to the sums of their kinds. */
-static void add_run(const runs *r, size_t i, double seconds, bool unchanged, sums *out) {
+static void add_run(const runs *r, size_t i, double seconds, bool unchanged, lg_squares *out) {
     lg_point_error e[LG_POINT_ERRORS];
     for (size_t step = 1; step <= r->steps; step++) {
         if (r->log->t[r->start[i] + step] - r->log->t[r->start[i]] > seconds * (1 + 1e-9)) break;
         const size_t count = errors_at(r, i, step, unchanged, true, e);
-        for (size_t k = 0; k < count; k++) add(&out[e[k].kind], e[k].error);
+        for (size_t k = 0; k < count; k++) lg_squares_add(&out[e[k].kind], e[k].error);
     }
 }
 
@@ -154,20 +139,20 @@ static size_t most_steps(const lg_machine_log *log, double seconds) {
 
 /* Sets the errors of a horizon. own (errors, runs): the root mean square of each run. */
 static void set_errors(const runs *r, double *own, lg_horizon *out) {
-    sums pooled[LG_RUN_ERRORS] = {{0, 0}}, unchanged[LG_RUN_ERRORS] = {{0, 0}};
+    lg_squares pooled[LG_RUN_ERRORS] = {{0, 0}}, unchanged[LG_RUN_ERRORS] = {{0, 0}};
     for (size_t i = 0; i < r->count; i++) {
-        sums each[LG_RUN_ERRORS] = {{0, 0}};
+        lg_squares each[LG_RUN_ERRORS] = {{0, 0}};
         add_run(r, i, out->seconds, false, each);
         add_run(r, i, out->seconds, true, unchanged);
         for (int e = 0; e < LG_RUN_ERRORS; e++) {
             pooled[e].sum += each[e].sum;
             pooled[e].count += each[e].count;
-            own[(size_t)e * r->count + i] = root(&each[e]);
+            own[(size_t)e * r->count + i] = lg_squares_root(&each[e]);
         }
     }
     for (int e = 0; e < LG_RUN_ERRORS; e++) {
-        out->pooled[e] = root(&pooled[e]);
-        out->unchanged[e] = root(&unchanged[e]);
+        out->pooled[e] = lg_squares_root(&pooled[e]);
+        out->unchanged[e] = lg_squares_root(&unchanged[e]);
         out->median[e] = lg_median(own + (size_t)e * r->count, r->count);
     }
 }
@@ -178,51 +163,58 @@ lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg
                         lg_error *error) {
     *out = (lg_horizon){.seconds = seconds};
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = out->median[e] = out->unchanged[e] = NAN;
-    size_t *start = lg_alloc(context, log->rows, sizeof *start);
-    double *own = lg_alloc(context, log->rows * LG_RUN_ERRORS, sizeof *own);
-    lg_status status = start != NULL && own != NULL ? LG_OK : lg_no_memory(error);
-    runs r = {.machine = machine, .log = log, .steps = most_steps(log, seconds), .start = start};
-    if (status == LG_OK && r.steps > 0)
-        out->starts = r.count = find_starts(machine, from, start_rows, r.steps, every, start);
-    if (r.count > 0) status = predict(context, runner, user, from, &r, error);
-    if (status == LG_OK && r.count > 0) set_errors(&r, own, out);
-    LG_FREE_ALL(context, start, own, r.q);
-    return status;
+    LG_TRY_SCRATCH(size_t, start, context, log->rows, lg_no_memory(error));
+    LG_TRY_SCRATCH(double, own, context, log->rows *LG_RUN_ERRORS, lg_no_memory(error));
+    LG_CLEAN(runs_end)
+    runs r = {context, machine, .log = log, .steps = most_steps(log, seconds), .start = start};
+    if (r.steps > 0) out->starts = r.count = find_starts(machine, from, start_rows, r.steps, every, start);
+    if (r.count == 0) return LG_OK;
+    LG_TRY(predict(runner, user, from, &r, error));
+    set_errors(&r, own, out);
+    return LG_OK;
 }
 
 /* ---- estimated starts ---- */
+
+/* A copy of the log with arrays of its own for states, which begin as zeros. */
+static lg_status begin_states(const lg_learned_machine *model, const lg_machine_log *log, lg_started_log *out,
+                              lg_error *error) {
+    const size_t nq = model->machine->positions, n = nq + model->machine->velocities;
+    *out = (lg_started_log){.log = *log, .context = model->context};
+    out->log.q = out->q = lg_alloc(model->context, log->rows * n, sizeof *out->q);
+    if (out->q == NULL) return lg_no_memory(error);
+    out->log.v = out->v = out->q + log->rows * nq;
+    return LG_OK;
+}
+
+static void put_states(const lg_machine *machine, const size_t *row, size_t count, const double *q,
+                       const double *v, lg_started_log *out) {
+    const size_t nq = machine->positions, nv = machine->velocities;
+    for (size_t i = 0; i < count; i++) {
+        memcpy(out->q + row[i] * nq, q + i * nq, nq * sizeof *q);
+        memcpy(out->v + row[i] * nv, v + i * nv, nv * sizeof *v);
+    }
+}
 
 lg_status lg_started_log_create(const lg_learned_machine *model, const lg_machine_log *log, const size_t *row,
                                 size_t count, lg_started_log *out, lg_error *error) {
     const lg_context *context = model->context;
     const lg_machine *machine = model->machine;
-    const size_t nq = machine->positions, nv = machine->velocities;
-    *out = (lg_started_log){.log = *log, .context = context};
-    out->log.q = out->q = lg_alloc(context, log->rows * (nq + nv), sizeof *out->q);
-    double *q = lg_alloc(context, count * (nq + nv), sizeof *q);
-    if (out->q == NULL || q == NULL) {
-        lg_free(context, q);
-        return lg_no_memory(error);
-    }
-    double *v = q + count * nq;
-    lg_machine_log guessed = *log;
+    const size_t nq = machine->positions;
     const uint32_t rows = model->start_rows;
-    lg_status status = LG_OK;
-    out->log.v = out->v = out->q + log->rows * nq;
+    lg_machine_log guessed = *log;
+    LG_TRY(begin_states(model, log, out, error));
+    LG_TRY_SCRATCH(double, q, context, count *(nq + machine->velocities), lg_no_memory(error));
+    double *v = q + count * nq;
     if (machine->accelerations) { /* the guesses of the log are not good enough for the model's own starts */
-        status = lg_machine_estimate_states(context, machine, model->theta, model->scheme, model->substeps,
-                                            log, rows, out->q, out->v, error);
+        LG_TRY(lg_machine_estimate_states(context, machine, model->theta, model->scheme, model->substeps, log,
+                                          rows, out->q, out->v, error));
         guessed.q = out->q, guessed.v = out->v;
     }
-    if (status == LG_OK)
-        status = lg_machine_estimate_starts(context, machine, model->theta, model->scheme, model->substeps,
-                                            &guessed, row, count, rows, q, v, error);
-    for (size_t i = 0; i < count && status == LG_OK; i++) {
-        memcpy(out->q + row[i] * nq, q + i * nq, nq * sizeof *q);
-        memcpy(out->v + row[i] * nv, v + i * nv, nv * sizeof *v);
-    }
-    lg_free(context, q);
-    return status;
+    LG_TRY(lg_machine_estimate_starts(context, machine, model->theta, model->scheme, model->substeps,
+                                      &guessed, row, count, rows, q, v, error));
+    put_states(machine, row, count, q, v, out);
+    return LG_OK;
 }
 
 void lg_started_log_destroy(lg_started_log *started) {
@@ -246,22 +238,16 @@ lg_status lg_machine_run(const void *user, const lg_machine_log *log, const size
     const lg_machine *m = model->machine;
     const size_t nq = m->positions, before = model->start_rows > 0 ? model->start_rows - 1 : 0,
                  points = count * (before + steps + 1);
-    lg_started_log begun = {.context = context};
     if (model->start_rows == 0) return free_run(model, log, start, count, steps, q, v, error);
-    size_t *from = lg_alloc(context, count, sizeof *from);
-    double *all = lg_alloc(context, points * (nq + m->velocities), sizeof *all);
-    lg_status status = from != NULL && all != NULL ? LG_OK : lg_no_memory(error);
-    for (size_t i = 0; i < count && status == LG_OK; i++) from[i] = start[i] - before;
-    if (status == LG_OK) status = lg_started_log_create(model, log, from, count, &begun, error);
-    if (status == LG_OK)
-        status = free_run(model, &begun.log, from, count, before + steps, all, all + points * nq, error);
-    if (status == LG_OK) {
-        keep_ends(all, count, before, steps, nq, q);
-        keep_ends(all + points * nq, count, before, steps, m->velocities, v);
-    }
-    lg_started_log_destroy(&begun);
-    LG_FREE_ALL(context, from, all);
-    return status;
+    LG_CLEAN(lg_started_log_destroy) lg_started_log begun = {.context = context};
+    LG_TRY_SCRATCH(size_t, from, context, count, lg_no_memory(error));
+    LG_TRY_SCRATCH(double, all, context, points *(nq + m->velocities), lg_no_memory(error));
+    for (size_t i = 0; i < count; i++) from[i] = start[i] - before;
+    LG_TRY(lg_started_log_create(model, log, from, count, &begun, error));
+    LG_TRY(free_run(model, &begun.log, from, count, before + steps, all, all + points * nq, error));
+    keep_ends(all, count, before, steps, nq, q);
+    keep_ends(all + points * nq, count, before, steps, m->velocities, v);
+    return LG_OK;
 }
 
 lg_status lg_machine_horizon(const lg_learned_machine *model, const lg_machine_log *log, double seconds,
@@ -272,28 +258,18 @@ lg_status lg_machine_horizon(const lg_learned_machine *model, const lg_machine_l
 
 lg_status lg_machine_states(const lg_learned_machine *model, const lg_machine_log *log, size_t every,
                             lg_started_log *out, lg_error *error) {
-    const lg_context *context = model->context;
     const lg_machine *machine = model->machine;
-    const size_t nq = machine->positions, nv = machine->velocities, n = nq + nv;
-    *out = (lg_started_log){.log = *log, .context = context};
-    out->log.q = out->q = lg_alloc(context, log->rows * n, sizeof *out->q);
-    double *states = lg_alloc(context, log->rows * n, sizeof *states), *v = states;
-    size_t *start = lg_alloc(context, log->rows, sizeof *start), count = 0;
-    lg_status status = out->q != NULL && states != NULL && start != NULL ? LG_OK : lg_no_memory(error);
-    if (status == LG_OK) {
-        out->log.v = out->v = out->q + log->rows * nq;
-        memcpy(out->q, log->q, log->rows * nq * sizeof *out->q);
-        for (size_t i = 0; i < log->rows * nv; i++) out->v[i] = NAN;
-        count = find_starts(machine, log, model->start_rows, 0, every, start);
-        v = states + count * nq;
-    }
-    if (count > 0) status = lg_machine_run(model, log, start, count, 0, states, v, error);
-    for (size_t i = 0; i < count && status == LG_OK; i++) {
-        memcpy(out->q + start[i] * nq, states + i * nq, nq * sizeof *v);
-        memcpy(out->v + start[i] * nv, v + i * nv, nv * sizeof *v);
-    }
-    LG_FREE_ALL(context, states, start);
-    return status;
+    const size_t nq = machine->positions, nv = machine->velocities;
+    LG_TRY(begin_states(model, log, out, error));
+    LG_TRY_SCRATCH(double, states, model->context, log->rows *(nq + nv), lg_no_memory(error));
+    LG_TRY_SCRATCH(size_t, start, model->context, log->rows, lg_no_memory(error));
+    memcpy(out->q, log->q, log->rows * nq * sizeof *out->q);
+    for (size_t i = 0; i < log->rows * nv; i++) out->v[i] = NAN;
+    const size_t count = find_starts(machine, log, model->start_rows, 0, every, start);
+    if (count == 0) return LG_OK;
+    LG_TRY(lg_machine_run(model, log, start, count, 0, states, states + count * nq, error));
+    put_states(machine, start, count, states, states + count * nq, out);
+    return LG_OK;
 }
 
 /* ---- the rows that estimate a start ---- */
@@ -304,14 +280,15 @@ static double score_of(const runs *r) {
     static const double nothing = 1e-3;
     double score = 0;
     for (size_t steps = 2; steps <= r->steps; steps *= 4) {
-        sums pooled[LG_RUN_ERRORS] = {{0, 0}}, unchanged[LG_RUN_ERRORS] = {{0, 0}};
+        lg_squares pooled[LG_RUN_ERRORS] = {{0, 0}}, unchanged[LG_RUN_ERRORS] = {{0, 0}};
         for (size_t i = 0; i < r->count; i++) {
             const double seconds = r->log->t[r->start[i] + steps] - r->log->t[r->start[i]];
             add_run(r, i, seconds, false, pooled);
             add_run(r, i, seconds, true, unchanged);
         }
         for (int e = 0; e < LG_RUN_ERRORS; e++)
-            if (pooled[e].sum > 0) score += log(hypot(root(&pooled[e]), nothing * root(&unchanged[e])));
+            if (pooled[e].sum > 0)
+                score += log(hypot(lg_squares_root(&pooled[e]), nothing * lg_squares_root(&unchanged[e])));
     }
     return score;
 }
@@ -321,31 +298,27 @@ lg_status lg_machine_choose_start_rows(lg_learned_machine *model, const lg_machi
     enum { STEPS = 32, LONG = 128, STARTS = 100, MOST_ROWS = 200, PART = 8 };
     /* Another number of rows than the usual one is taken only if it lowers the error by this much. */
     static const double clear = 0.05, parts[] = {1, 2, 4, 0.5, 0.32, 0.2, 0.12, 0.08};
-    const lg_context *context = model->context;
     const lg_machine *machine = model->machine;
     const size_t usual = lg_start_rows(machine), every = 1 + log->rows / STARTS,
                  part = log->parts > 0 ? log->rows / log->parts / PART : 0,
                  most = part < MOST_ROWS ? part : MOST_ROWS;
     lg_learned_machine tried = *model;
     double best = INFINITY;
-    size_t *start = lg_alloc(context, log->rows, sizeof *start);
-    lg_status status = start != NULL ? LG_OK : lg_no_memory(error);
-    runs r = {.machine = machine, .log = log, .steps = most < LONG ? STEPS : LONG, .start = start};
+    LG_TRY_SCRATCH(size_t, start, model->context, log->rows, lg_no_memory(error));
+    LG_CLEAN(runs_end)
+    runs r = {model->context, machine, .log = log, .steps = most < LONG ? STEPS : LONG, .start = start};
     model->start_rows = (uint32_t)usual;
-    if (status == LG_OK)
-        r.count = find_starts(machine, log, most > usual ? most : usual, r.steps, every, start);
-    for (size_t i = 0; i < LG_COUNT(parts) && status == LG_OK && r.count > 0; i++) {
+    r.count = find_starts(machine, log, most > usual ? most : usual, r.steps, every, start);
+    for (size_t i = 0; i < LG_COUNT(parts) && r.count > 0; i++) {
         tried.start_rows = (uint32_t)(parts[i] * (double)usual + 0.5);
         if (tried.start_rows > most && parts[i] > 1) continue;
-        status = predict(context, lg_machine_run, &tried, log, &r, error);
-        const double score = status == LG_OK ? score_of(&r) : INFINITY;
-        lg_free(context, r.q);
+        LG_TRY(predict(lg_machine_run, &tried, log, &r, error));
+        const double score = score_of(&r);
         if (!(score < best - clear)) continue;
         best = score;
         model->start_rows = tried.start_rows;
     }
-    lg_free(context, start);
-    return status;
+    return LG_OK;
 }
 
 /* ---- the range of states that no column shows ---- */
@@ -353,7 +326,6 @@ lg_status lg_machine_choose_start_rows(lg_learned_machine *model, const lg_machi
 lg_status lg_machine_widen_range(const lg_learned_machine *model, const lg_machine_problem *problem,
                                  lg_machine_range *range, lg_error *error) {
     enum { MOST = 1 << 20 };
-    const lg_context *context = model->context;
     lg_machine states = *model->machine;
     const size_t nq = states.positions, nv = states.velocities, rows = problem->window,
                  all = problem->windows - problem->validation,
@@ -361,28 +333,23 @@ lg_status lg_machine_widen_range(const lg_learned_machine *model, const lg_machi
     bool known = true;
     for (size_t i = 0; i < nq + nv; i++) known = known && range->low[i] <= range->high[i];
     if (known || count == 0) return LG_OK;
-    lg_started_log begun = {.context = context};
+    LG_CLEAN(lg_started_log_destroy) lg_started_log begun = {.context = model->context};
     lg_machine_range found;
-    double *q = lg_alloc(context, count * rows * (nq + nv), sizeof *q), *v = q;
-    size_t *start = lg_alloc(context, count, sizeof *start);
-    lg_status status = q != NULL && start != NULL ? LG_OK : lg_no_memory(error);
-    if (status == LG_OK) {
-        v = q + count * rows * nq;
-        for (size_t i = 0; i < count; i++) start[i] = problem->start[lg_spread(i, all, count)];
-        status = lg_started_log_create(model, &problem->log, start, count, &begun, error);
-    }
-    if (status == LG_OK) status = free_run(model, &begun.log, start, count, rows - 1, q, v, error);
+    LG_TRY_SCRATCH(double, q, model->context, count *rows *(nq + nv), lg_no_memory(error));
+    LG_TRY_SCRATCH(size_t, start, model->context, count, lg_no_memory(error));
+    double *v = q + count * rows * nq;
+    for (size_t i = 0; i < count; i++) start[i] = problem->start[lg_spread(i, all, count)];
+    LG_TRY(lg_started_log_create(model, &problem->log, start, count, &begun, error));
+    LG_TRY(free_run(model, &begun.log, start, count, rows - 1, q, v, error));
     lg_machine_log shown = {.rows = count * rows, .q = q, .v = v};
     if (states.accelerations) /* v of a run has accelerations */
         shown.rows = begun.log.rows, shown.q = begun.q, shown.v = begun.v;
     states.accelerations = false, states.input_count = 0;
-    if (status == LG_OK) lg_machine_find_range(&states, &shown, &found);
-    for (size_t i = 0; i < nq + nv && status == LG_OK; i++)
+    lg_machine_find_range(&states, &shown, &found);
+    for (size_t i = 0; i < nq + nv; i++)
         if (range->low[i] > range->high[i] && isfinite(found.low[i]) && isfinite(found.high[i]))
             range->low[i] = found.low[i], range->high[i] = found.high[i];
-    lg_started_log_destroy(&begun);
-    LG_FREE_ALL(context, q, start);
-    return status;
+    return LG_OK;
 }
 
 /* ---- windows ---- */
@@ -392,35 +359,35 @@ lg_status lg_machine_widen_range(const lg_learned_machine *model, const lg_machi
 static double point_loss(const lg_machine *machine, const lg_point_error *e, size_t count) {
     double sum = 0.0, speeds = 0.0, measured = 0.0;
     for (size_t k = 0; k < count; k++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[e[k].coordinate].kind);
         const double square = e[k].error * e[k].error;
         if (isnan(square)) continue;
         if (e[k].kind == LG_ERROR_VELOCITY)
             speeds += square, measured++;
         else
-            sum += e[k].kind == LG_ERROR_LINE ? square / row->places : square;
+            sum += e[k].kind == LG_ERROR_LINE
+                       ? square / lg_machine_offsets_of(machine, e[k].coordinate).places
+                       : square;
     }
     return measured > 0.0 ? sum + speeds / measured : sum;
 }
 
 lg_status lg_machine_window_loss(const lg_learned_machine *model, const lg_machine_log *log, uint32_t window,
                                  double *out, lg_error *error) {
-    const lg_context *context = model->context;
     lg_point_error e[LG_POINT_ERRORS];
     double sum = 0.0;
-    size_t *start = lg_alloc(context, log->rows, sizeof *start);
     *out = NAN;
-    if (start == NULL) return lg_no_memory(error);
-    runs r = {.machine = model->machine, .log = log, .steps = window - 1, .start = start};
+    LG_TRY_SCRATCH(size_t, start, model->context, log->rows, lg_no_memory(error));
+    LG_CLEAN(runs_end)
+    runs r = {model->context, model->machine, .log = log, .steps = window - 1, .start = start};
     if (!model->machine->accelerations)
         r.count = lg_machine_windows(model->machine, log, window, 1, false, start);
-    const lg_status status = r.count > 0 ? predict(context, lg_machine_run, model, log, &r, error) : LG_OK;
-    for (size_t i = 0; i < r.count && status == LG_OK; i++)
+    if (r.count == 0) return LG_OK;
+    LG_TRY(predict(lg_machine_run, model, log, &r, error));
+    for (size_t i = 0; i < r.count; i++)
         for (size_t step = 1; step <= r.steps; step++)
             sum += point_loss(r.machine, e, errors_at(&r, i, step, false, true, e));
-    if (status == LG_OK && r.count > 0) *out = sum / ((double)r.count * (double)r.steps);
-    LG_FREE_ALL(context, start, r.q);
-    return status;
+    *out = sum / ((double)r.count * (double)r.steps);
+    return LG_OK;
 }
 
 /* ---- residuals of windows ---- */
@@ -428,22 +395,23 @@ lg_status lg_machine_window_loss(const lg_learned_machine *model, const lg_machi
 lg_status lg_machine_residuals(const lg_learned_machine *model, const lg_machine_problem *problem,
                                lg_machine_noise *out, lg_error *error) {
     lg_point_error e[LG_POINT_ERRORS];
-    sums of[LG_MACHINE_COORDINATES][2] = {{{0, 0}}}; /* positions, velocities */
-    runs r = {.machine = model->machine,
+    lg_squares of[LG_MACHINE_COORDINATES][2] = {{{0, 0}}}; /* positions, velocities */
+    LG_CLEAN(runs_end)
+    runs r = {model->context,
+              model->machine,
               .log = &problem->log,
               .steps = problem->window - 1,
               .count = problem->windows - problem->validation,
               .start = problem->start};
-    const lg_status status = predict(model->context, lg_machine_run, model, &problem->log, &r, error);
-    for (size_t i = 0; i < r.count && status == LG_OK; i++)
+    LG_TRY(predict(lg_machine_run, model, &problem->log, &r, error));
+    for (size_t i = 0; i < r.count; i++)
         for (size_t step = 1; step <= r.steps; step++) {
             const size_t count = errors_at(&r, i, step, false, false, e);
             for (size_t k = 0; k < count; k++)
-                add(&of[e[k].coordinate][e[k].kind >= LG_ERROR_VELOCITY],
-                    (e[k].kind == LG_ERROR_ROTATION ? sqrt(0.5) : 1.0) * e[k].error);
+                lg_squares_add(&of[e[k].coordinate][e[k].kind >= LG_ERROR_VELOCITY],
+                               (e[k].kind == LG_ERROR_ROTATION ? sqrt(0.5) : 1.0) * e[k].error);
         }
-    for (uint32_t i = 0; i < r.machine->coordinate_count && status == LG_OK; i++)
-        out->position[i] = root(&of[i][0]), out->velocity[i] = root(&of[i][1]);
-    lg_free(model->context, r.q);
-    return status;
+    for (uint32_t i = 0; i < r.machine->coordinate_count; i++)
+        out->position[i] = lg_squares_root(&of[i][0]), out->velocity[i] = lg_squares_root(&of[i][1]);
+    return LG_OK;
 }

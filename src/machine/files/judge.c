@@ -9,18 +9,15 @@
 
 static void find_place(const lg_machine_problem *problem, lg_machine_verdict *out) {
     const lg_machine *machine = problem->machine;
-    const double *q = out->positions;
     out->placed = lg_machine_mass_at(problem, out->positions);
     for (uint32_t i = 0; i < machine->coordinate_count && out->placed; i++) {
-        const lg_machine_coordinate *each = &machine->coordinates[i];
-        const uint32_t count = lg_coordinate_positions(each->kind);
-        for (uint32_t k = 0; k < count && lg_machine_sees(machine, LG_MACHINE_MASS, i); k++)
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        for (uint32_t k = 0; k < at.positions && lg_machine_sees(machine, LG_MACHINE_MASS, i); k++)
             lg_append(out->place, sizeof out->place, "%s%s %.3g",
                       k > 0                   ? ","
                       : out->place[0] != '\0' ? ", "
                                               : "at ",
-                      k > 0 ? "" : each->name, q[k]);
-        q += count;
+                      k > 0 ? "" : machine->coordinates[i].name, out->positions[at.position + k]);
     }
 }
 

@@ -151,15 +151,13 @@ static void rotation_velocity(const check *c, const double *row, double *x) {
 
 /* The change of position from row a to row b. */
 static void change(const check *c, const double *a, const double *b, double *y) {
-    double R[9], S[9], D[9];
+    double R[9], S[9];
     for (int i = 0; i < c->count && c->positions <= 3; i++)
         y[i] = b[c->position + (uint32_t)i] - a[c->position + (uint32_t)i];
     if (c->positions <= 3) return;
     rotation_at(c, a, R);
     rotation_at(c, b, S);
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) D[3 * i + j] = R[i] * S[j] + R[3 + i] * S[3 + j] + R[6 + i] * S[6 + j];
-    lg_so3_log(D, y);
+    lg_machine_turn_between(R, S, y);
 }
 
 static void velocity_at(const check *c, size_t row, double *x) {

@@ -113,16 +113,14 @@ static void clean_velocity(cleaning *c, double *values) {
     const lg_log_coordinate *where = c->where;
     double *v = values + where->velocity;
     const double *attitude = values + where->attitude;
-    double R[9], turned[3] = {0, 0, 0};
+    double R[9];
     if (c->coordinate->kind == LG_COORDINATE_DIRECTION) {
         const double along = lg_dot3(v, attitude);
         if (isfinite(along)) c->along += along * along, c->across += lg_dot3(v, v);
         for (int i = 0; i < 3 && isfinite(along); i++) v[i] -= along * attitude[i];
     } else if (where->space_frame) {
         lg_log_rotation(attitude, where->attitudes, R);
-        for (int i = 0; i < 3; i++)
-            for (int j = 0; j < 3; j++) turned[i] += R[3 * j + i] * v[j];
-        memcpy(v, turned, sizeof turned);
+        lg_so3_coadjoint(R, v, v);
     }
 }
 

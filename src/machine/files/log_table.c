@@ -71,7 +71,7 @@ static lg_status grow(lg_log_table *table, size_t rows) {
     return data != NULL && origin != NULL ? LG_OK : lg_log_no_memory(table);
 }
 
-/* Appends the rows that have a time; the others are counted in rows_read only. */
+/* Appends the rows that have a time; the others are counted in rows_read of the logs only. */
 static lg_status append_rows(lg_log_table *t, uint32_t file, const lg_frame *f) {
     const lg_log_column *columns = t->machine->columns;
     const uint32_t time = t->machine->time, run = t->machine->run;
@@ -83,11 +83,11 @@ static lg_status append_rows(lg_log_table *t, uint32_t file, const lg_frame *f) 
         const char *name = run < t->columns ? lg_frame_text_of(f, row, &f->want[run]) : "";
         if (run < t->columns && *name == '\0')
             return lg_frame_fail(f, row, columns[run].name, t->error, "the row names no run");
-        t->runs += before == NULL || strcmp(name, before) != 0;
+        t->out->runs += before == NULL || strcmp(name, before) != 0;
         before = name;
-        t->rows_read++;
+        t->out->rows_read++;
         if (isnan(values[f->want[time].first])) continue;
-        t->origin[t->rows] = (lg_log_origin){f->line[row], file, t->runs - 1};
+        t->origin[t->rows] = (lg_log_origin){f->line[row], file, t->out->runs - 1};
         for (uint32_t i = 0; i < t->columns; i++) {
             to[i] = i == run ? 0 : values[f->want[i].first] * columns[i].scale;
             if (isinf(to[i]))
@@ -100,7 +100,7 @@ static lg_status append_rows(lg_log_table *t, uint32_t file, const lg_frame *f) 
 }
 
 static lg_status read_file(lg_log_table *t, uint32_t file, lg_frame *f) {
-    const size_t before = t->rows, read = t->rows_read;
+    const size_t before = t->rows, read = t->out->rows_read;
     LG_TRY(lg_frame_open(f, t->error));
     t->place[file] = f->place;
     LG_TRY(lg_frame_next(f, SIZE_MAX, t->error));
@@ -113,7 +113,7 @@ static lg_status read_file(lg_log_table *t, uint32_t file, lg_frame *f) {
             f->shown, time->name, time->scale);
     LG_TRY(append_rows(t, file, f));
     if (f->cut) lg_log_warn(t, "%s: the last line was cut off and left out", f->shown);
-    const size_t timeless = t->rows_read - read - (t->rows - before);
+    const size_t timeless = t->out->rows_read - read - (t->rows - before);
     if (t->rows == before)
         return lg_fail(t->error, LG_FORMAT, "%s: has no row with a time (column %s)", f->shown, time->name);
     if (timeless > 0) lg_log_warn(t, "%s: %zu rows without a time were left out", f->shown, timeless);

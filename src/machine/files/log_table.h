@@ -27,12 +27,11 @@ typedef struct lg_log_table {
     bool failed; /* memory ran out for a warning */
     size_t rows, room;
     /* `columns`: the columns of the machine's file, in its order. The column of the run is 0 in all rows. */
-    uint32_t columns, runs;
+    uint32_t columns;
     double *data;          /* (rows, columns), scaled; NaN: missing. The time is never missing */
     lg_log_origin *origin; /* (rows) */
-    size_t rows_read;      /* rows that were read, also those without a time */
     size_t *first;         /* (parts + 1) first rows of the parts, once they are cut */
-    size_t parts, gaps;
+    size_t parts;
     lg_logs *out;
 } lg_log_table;
 

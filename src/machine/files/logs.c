@@ -226,11 +226,10 @@ static lg_status cut(lg_log_table *t) {
     if (t->first == NULL) return lg_log_no_memory(t);
     for (size_t begin = 0, end = 1; begin < t->rows; begin = end++) {
         while (end < t->rows && follows(t, end)) end++, steps++;
-        t->gaps += end < t->rows && t->origin[end].run == t->origin[end - 1].run;
+        t->out->gaps += end < t->rows && t->origin[end].run == t->origin[end - 1].run;
         cut_stretch(t, &g, begin, end);
     }
     t->rows = g.kept;
-    t->out->gaps = t->gaps;
     warn_of_files(t);
     if (t->parts > 0) return LG_OK;
     if (steps == 0)
@@ -275,15 +274,15 @@ static void fill_inputs(const lg_log_table *t, size_t part, double *work) {
 static lg_status allocate(const lg_log_table *t) {
     lg_logs *out = t->out;
     const lg_machine *m = &t->machine->machine;
-    out->t = lg_alloc(t->context, t->rows, sizeof *out->t);
-    out->q = lg_alloc(t->context, t->rows, m->positions * sizeof *out->q);
-    out->v = lg_alloc(t->context, t->rows, m->velocities * sizeof *out->v);
-    out->u = lg_alloc(t->context, t->rows, 4 * m->input_count * sizeof *out->u);
-    out->part_file = lg_alloc(t->context, t->parts, sizeof *out->part_file);
-    out->part_run = lg_alloc(t->context, t->parts, sizeof *out->part_run);
-    const bool good = out->t != NULL && out->q != NULL && out->v != NULL && out->u != NULL &&
-                      out->part_file != NULL && out->part_run != NULL;
-    return good ? LG_OK : lg_log_no_memory(t);
+    const size_t rows = t->rows, each = 1 + m->positions + m->velocities + 4 * m->input_count;
+    out->t = lg_alloc(t->context, rows, each * sizeof *out->t);
+    out->part_file = lg_alloc(t->context, t->parts, 2 * sizeof *out->part_file);
+    if (out->t == NULL || out->part_file == NULL) return lg_log_no_memory(t);
+    out->q = out->t + rows;
+    out->v = out->q + rows * m->positions;
+    out->u = out->v + rows * m->velocities;
+    out->part_run = out->part_file + t->parts;
+    return LG_OK;
 }
 
 static lg_status fill(lg_log_table *t) {
@@ -322,8 +321,6 @@ static lg_status fill(lg_log_table *t) {
 static lg_status read_logs(lg_log_table *t) {
     LG_TRY(lg_log_read_files(t));
     t->out->files = t->files;
-    t->out->runs = t->runs;
-    t->out->rows_read = t->rows_read;
     for (uint32_t i = 0; i < t->machine->machine.input_count; i++) {
         const lg_log_input *input = &t->machine->inputs[i];
         t->out->delay[i] = input->estimate_delay ? t->options->delay : input->delay;
@@ -381,7 +378,6 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
 void lg_logs_destroy(lg_logs *logs) {
     if (logs == NULL) return;
     lg_machine_filter_destroy(logs->filter);
-    LG_FREE_ALL(logs->context, logs->first, logs->part_file, logs->part_run, logs->t, logs->q, logs->v,
-                logs->u, logs->a, logs->warnings);
+    LG_FREE_ALL(logs->context, logs->first, logs->part_file, logs->t, logs->a, logs->warnings);
     *logs = (lg_logs){.files = 0};
 }

@@ -92,13 +92,12 @@ static uint32_t window_of_noise(const lg_machine_model_run *run, const lg_machin
     static const double several = 4;
     const lg_machine *machine = &run->machine;
     uint32_t window = least;
-    for (uint32_t i = 0, k = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
-        const double noise = s->noise.position[i];
-        const bool plain = kind == LG_COORDINATE_LINE || kind == LG_COORDINATE_ANGLE;
-        while (plain && window < MOST && bend(machine, &s->data.training, k, window) < several * noise)
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        const double enough = several * s->noise.position[i];
+        while (at.positions == 1 && window < MOST &&
+               bend(machine, &s->data.training, at.position, window) < enough)
             window += window / 2;
-        k += lg_coordinate_positions(kind);
     }
     return window < MOST ? window : MOST;
 }

@@ -69,11 +69,6 @@ lg_status lg_machine_unexplained(const lg_context *context, const lg_machine *ma
 
 /* ---- machines and logs at a glance ---- */
 
-static inline bool lg_machine_has_part(const lg_machine *machine, lg_machine_part part) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == part) return true;
-    return false;
-}
 static inline bool lg_term_is_network(const lg_machine_term *term) {
     return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
 }

@@ -149,16 +149,12 @@ static lg_stage_limits limits(const stages *s, uint64_t epochs) {
 /* ---- a log with velocities ---- */
 
 double lg_log_speed(const lg_machine *machine, const lg_machine_log *log, uint32_t coordinate) {
-    const uint32_t first = lg_machine_offsets_of(machine, coordinate).velocity,
-                   end = lg_machine_offsets_of(machine, coordinate + 1).velocity;
-    double sum = 0.0;
-    size_t count = 0;
+    const lg_machine_offsets at = lg_machine_offsets_of(machine, coordinate);
+    lg_squares squares = {0, 0};
     for (size_t row = 0; row < log->rows; row++)
-        for (uint32_t k = first; k < end; k++) {
-            const double v = lg_log_shown(log)[row * machine->velocities + k];
-            if (!isnan(v)) sum += v * v, count++;
-        }
-    return count > 0 ? sqrt(sum / (double)count) : 0.0;
+        for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
+            lg_squares_add(&squares, lg_log_shown(log)[row * machine->velocities + k]);
+    return squares.count > 0 ? lg_squares_root(&squares) : 0.0;
 }
 
 /* Scales of the loss: the root mean square of a coordinate's velocities, and half the way that this covers in

@@ -35,8 +35,7 @@ static bool local(const lg_machine_log *log, const double *x, size_t stride, siz
 }
 
 /* Velocities of one coordinate from q and q' of its position, as logs have them. */
-static void velocity_of(lg_coordinate_kind kind, const double *q, const double *dq, double *v) {
-    const lg_coordinate_row *is = lg_coordinate_row_of(kind);
+static void velocity_of(const lg_machine_offsets *is, const double *q, const double *dq, double *v) {
     const double *R = q + is->places, *dR = dq + is->places;
     if (is->directions > 0) {
         for (int i = 0; i < 3; i++)
@@ -58,24 +57,18 @@ static void velocity_of(lg_coordinate_kind kind, const double *q, const double *
 static void smooth_row(const lg_machine *machine, const lg_machine_log *log, size_t first, size_t last,
                        size_t row, size_t degree, double *q, double *v) {
     const uint32_t n = machine->positions;
-    const double *logged = log->q;
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
-        const lg_coordinate_row *is = lg_coordinate_row_of(kind);
-        const uint32_t count = lg_coordinate_positions(kind);
-        double dq[12];
+        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        double dq[12], *own = q + at.position;
         bool there = true;
-        for (uint32_t k = 0; k < count; k++) {
+        for (uint32_t k = 0; k < at.positions; k++) {
             double found[2] = {NAN, NAN};
-            there = local(log, logged + k, n, first, last, row, degree, found) && there;
+            there = local(log, log->q + at.position + k, n, first, last, row, degree, found) && there;
             /* Attitudes keep the logged numbers: smoothed ones are not on the manifold. */
-            if (k < is->places && there) q[k] = found[0];
+            if (k < at.places && there) own[k] = found[0];
             dq[k] = found[1];
         }
-        if (there) velocity_of(kind, q, dq, v);
-        logged += count;
-        q += count;
-        v += is->velocities;
+        if (there) velocity_of(&at, own, dq, v + at.velocity);
     }
 }
 
