@@ -787,6 +787,25 @@ TEST("outliers of one or two rows are left out; kinks, steps, counts and pulses 
     }
 }
 
+TEST("a mark of missing inputs is named, also where it stands in many rows") {
+    for (int apart = 7; apart <= 60; apart += 53) {
+        text log = new_text("t,q,v,u");
+        for (int i = 0; i < 151; i++) {
+            const double row[] = {i, i % 7, 0, i % apart == 3 ? -9999 : (i * 37 % 20) / 10.0};
+            say_row(&log, row, 4);
+        }
+        const char *path = scratch_path("log.csv");
+        lg_log_options options;
+        lg_log_options_init(&options);
+        options.consistency = false;
+        write_text_to(path, log.at);
+        const lg_logs *logs = read_all(machine(LINE "inputs: {columns: [u]}\n"), &path, 1, &options);
+        assert_warns(logs, test_text("line 5: column u: jumps to -9999 and back, but most rows are between "
+                                     "0 and 1.9; this is the first of %d such jumps",
+                                     147 / apart + 1));
+    }
+}
+
 TEST("a value at an end of a run is an outlier only if it is far beyond the size of all others, too") {
     text log = new_text("t,r,q,v,u,w");
     for (int i = 0; i < 80; i++) {

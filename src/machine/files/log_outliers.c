@@ -261,14 +261,24 @@ typedef struct bulk {
     double low, high, far;
 } bulk;
 
+/* How many of the n sorted values at one end (step 1: x[0], x[1], ...; step -1: x[0], x[-1], ...) do not count
+ * for the range: 1/OUTSIDE of them, or all that are equal, up to a fifth, and far from the others: marks of
+ * missing values, such as -9999. */
+static size_t outside_at(const double *x, ptrdiff_t step, size_t n) {
+    const size_t few = n / OUTSIDE > LONGEST ? n / OUTSIDE : LONGEST;
+    size_t equal = 0;
+    while (equal < n / 5 && x[(ptrdiff_t)equal * step] == *x) equal++;
+    const double next = x[(ptrdiff_t)equal * step], last = x[(ptrdiff_t)(n - 1 - few) * step];
+    return equal > few && next != last && fabs(*x - next) > FAR * fabs(next - last) ? equal : few;
+}
+
 /* If most values are equal, their size takes the place of their range. False: too few values, or all are
  * 0. */
 static bool find_bulk(const lg_log_table *t, uint32_t column, size_t first, size_t end, double *work,
                       bulk *out) {
     const size_t n = lg_log_sample(t, column, first, end, work);
-    const size_t outside = n / OUTSIDE > LONGEST ? n / OUTSIDE : LONGEST;
     if (n < FEWEST) return false;
-    *out = (bulk){.low = work[outside], .high = work[n - 1 - outside]};
+    *out = (bulk){.low = work[outside_at(work, 1, n)], .high = work[n - 1 - outside_at(work + n - 1, -1, n)]};
     const double range = out->high - out->low;
     out->far = FAR * (range > 0 ? range : fabs(out->low));
     return out->far > 0;
