@@ -9,31 +9,14 @@
 #include "liegrad/ensemble.h"
 #include "liegrad/integrators.h"
 
-/* The systems whose fields exist for lanes. */
-typedef enum lg_lane_system {
-    LG_LANES_NONE,
-    LG_LANES_OSCILLATOR,
-    LG_LANES_QUARTIC,
-    LG_LANES_COUPLED,
-    LG_LANES_CHAIN_LAGRANGIAN,
-    LG_LANES_CHAIN_HAMILTONIAN,
-    LG_LANES_RIGID_BODY,
-    LG_LANES_ATTITUDE,
-    LG_LANES_TOP_COTANGENT,
-    LG_LANES_TOP_DIRECT,
-    LG_LANES_TOP_LIE_POISSON,
-    LG_LANES_TOP_QUADRATIC,
-    LG_LANES_SYSTEMS
-} lg_lane_system;
-
 /* Data that is the same for all blocks of an ensemble. */
 typedef struct lg_lane_plan {
     const lg_scheme *scheme;
-    lg_lane_system system;
-    lg_space space;    /* the system's space */
-    bool ambient;      /* the scheme works in ambient coordinates, on R^dim */
-    size_t links;      /* number of links of a chain */
-    size_t parameters; /* numbers per member: parameters, constants derived from them, workspace */
+    const char *name, *form; /* of the system; form: NULL if it has one only */
+    lg_space space;          /* the system's space */
+    bool ambient;            /* the scheme works in ambient coordinates, on R^dim */
+    size_t links;            /* number of links of a chain */
+    size_t parameters;       /* numbers per member: parameters, constants derived from them, workspace */
     size_t constants, work;
     bool varied; /* each member has its own parameters */
     const lg_step_controller *control;
@@ -60,6 +43,7 @@ typedef struct lg_lane_block {
 
 typedef struct lg_lane_table {
     size_t lanes;
+    bool (*knows)(const lg_lane_plan *plan); /* whether the fields of the plan's system exist for lanes */
     size_t (*memory)(const lg_lane_plan *plan, size_t room);
     void (*run)(const lg_lane_plan *plan, const lg_lane_block *block);
 } lg_lane_table;

@@ -17,11 +17,11 @@
 typedef struct worker {
     lg_system *system; /* has the parameters of the current member */
     lg_lane_block block;
-    double *start, *parameter, *constant;     /* as in the block */
-    double *own_start, *own_parameter, *work; /* of the current member */
-    double *projected;                        /* (dim) */
-    size_t groups, *group_end;                /* groups of the state (integrators/groups.h) */
-    unsigned char *refused;                   /* (room): the start or the parameters are not allowed */
+    double *start, *parameter, *constant; /* as in the block */
+    double *own_start, *own_parameter;    /* of the current member */
+    double *projected;                    /* (dim) */
+    size_t groups, *group_end;            /* groups of the state (integrators/groups.h) */
+    unsigned char *refused;               /* (room): the start or the parameters are not allowed */
     void *memory;
     lg_one_by_one one; /* used if lanes are not */
     uint64_t attempts, vectors, failed, steps, rejected;
@@ -124,7 +124,8 @@ static lg_status prepare(ensemble *all, lg_error *error) {
     o->control.dense = true;
     all->plan = (lg_lane_plan){
         .scheme = o->scheme,
-        .system = system->row->lanes,
+        .name = system->row->name,
+        .form = system->row->form,
         .space = system->space,
         .ambient = lg_system_coordinates_for(o->scheme) == LG_COORDINATES_AMBIENT,
         .links = system->links,
@@ -170,7 +171,6 @@ static size_t lay_out(const ensemble *all, worker *w) {
     w->own_start = lg_portion(&from, dim, number);
     w->own_parameter = lg_portion(&from, plan->parameters, number);
     w->projected = lg_portion(&from, dim, number);
-    w->work = lg_portion(&from, lg_system_work_size(all->system), 1);
     w->group_end = lg_portion(&from, dim, sizeof(*w->group_end));
     w->refused = lg_portion(&from, room, 1);
     return from.used;

@@ -20,7 +20,7 @@ static bool projects(const lg_space *space) {
 
 bool lg_lanes_fit(const lg_lane_plan *plan) {
     const lg_scheme *scheme = plan->scheme;
-    if (plan->system == LG_LANES_NONE || (scheme->project && !projects(&plan->space))) return false;
+    if (!lg_lanes()->knows(plan) || (scheme->project && !projects(&plan->space))) return false;
     if (scheme->kind == LG_SCHEME_COMMUTATOR_FREE) return true;
     return scheme->kind == LG_SCHEME_RKMK && scheme->commutator_count == 0;
 }

@@ -15,6 +15,8 @@ static const lg_system_row *const rows[] = {
     &lg_system_row_quadrotors,
 };
 
+const double lg_system_unit[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
+
 /* ---- the tables ---- */
 
 const lg_energy_row *const lg_energy_rows[] = {
@@ -497,13 +499,15 @@ lg_status lg_system_ode(const lg_system *system, lg_coordinates coordinates, lg_
 static lg_status taped_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
                              lg_var *out) {
     const lg_system_taped_user *own = user;
-    return own->system->row->taped_force(own->system, tape, t, q, input, own->parameters, out);
+    *out = own->system->row->taped_force(tape, q, own->parameters);
+    return lg_tape_status(tape);
 }
 
 static lg_status taped_velocity(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input,
                                 lg_var *out) {
     const lg_system_taped_user *own = user;
-    return own->system->row->taped_velocity(own->system, tape, t, p, input, own->parameters, out);
+    *out = own->system->row->taped_velocity(tape, p, own->parameters);
+    return lg_tape_status(tape);
 }
 
 static lg_status taped_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
