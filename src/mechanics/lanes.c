@@ -165,7 +165,7 @@ static void run(const lg_lane_plan *plan, const lg_lane_block *block) {
     const bool flat = plan->ambient || lg_space_is_abelian(&plan->space);
     lane_run r[GROUPS] = {{.field = entry->field[plan->ambient]}};
     lane_prepare(r, plan, block);
-    if (plan->scheme->kind == LG_SCHEME_COMMUTATOR_FREE)
+    if (plan->run.scheme->kind == LG_SCHEME_COMMUTATOR_FREE)
         free_loop(r);
     else if (!flat)
         rkmk_loop(r);
