@@ -1,7 +1,7 @@
-/* The adjoint of the Lagrangian chain's field (see lg_system_ode), written by hand. With W as in mechanics/chain.h, the
- * field of one row of the batch is computed as follows:
+/* The adjoint of the Lagrangian chain's field (see lg_system_ode), written by hand. With W as in
+ * mechanics/chain.h and r = g/L_1, the field of one row of the batch is computed as follows:
  *
- *   S mu = u,  S_ii = W_ii,  S_{i,i+1} = W_{i,i+1} q_i.q_{i+1},  u_i = |omega_i|^2 - [i = 1] r q_1z,  r = g/L_1
+ *   S mu = u,  S_ii = W_ii,  S_{i,i+1} = W_{i,i+1} q_i.q_{i+1},  u_i = |omega_i|^2 - [i = 1] r q_1z
  *   x_i = q_i'' = -[i = 1] r e3 - sum_j W_ij mu_j q_j,  v_i = q_i (q_i.x_i) - x_i
  */
 #include "mechanics/chain_derivatives.h"
@@ -33,8 +33,8 @@ size_t lg_chain_scratch(size_t k) {
     return 2 * parameters_of(k) + (CHAIN_CONSTANTS + ROW + REST) * k;
 }
 
-/* The scratch memory is an input of the operation, so that the tape owns it. Writing to it is safe, as nothing else
- * reads its values. */
+/* The scratch memory is an input of the operation, so that the tape owns it. Writing to it is safe, as
+ * nothing else reads its values. */
 static row open_batch(const lg_chain_batch *batch, const void *const *in, size_t *rows) {
     double sizes[2];
     lg_get_numbers(batch->dtype, batch->sizes, 0, sizes, 2);
@@ -85,7 +85,8 @@ void lg_chain_batch_value(const lg_chain_batch *batch, const void *const *in, vo
 
 /* ---- the adjoint ---- */
 
-/* Cotangents: of v (given), q, and x, (k, 3); of omega where W x was; of mu, then of u; of W over all rows. */
+/* Cotangents: of v (given), q and x, (k, 3); of omega where W x was; of mu, then of u, (k); over all rows of W,
+ * 1/m, r and the parameters. */
 typedef struct adjoint {
     double *g, *q, *x, *omega;
     double *u, *w, *w_next, *light;
@@ -115,8 +116,8 @@ static void adjoint_of_acceleration(const row *r, adjoint *d) {
     }
 }
 
-/* Sweeps from mu back to S and u through S mu = u: with y = S^-1 mu_bar, u_bar = y and S_bar = -y mu^T. S_{i,i+1} stands
- * in S twice, so its cotangent is the sum of both entries of S_bar. */
+/* Sweeps from mu back to S and u through S mu = u: with y = S^-1 mu_bar, u_bar = y and S_bar = -y mu^T.
+ * S_{i,i+1} stands in S twice, so its cotangent is the sum of both entries of S_bar. */
 static void adjoint_of_solve(const row *r, adjoint *d) {
     const double *mu = r->mu, *y = d->u;
     tridiagonal_solve_of(r->k, r->pivot, r->l, d->u, d->u);

@@ -49,8 +49,8 @@ SEPARABLE(oscillator, 1)
 SEPARABLE(quartic, 2)
 SEPARABLE(coupled, 2)
 
-/* Fields of rigid bodies, which use parameters but no constants and no workspace. The ambient field is the generator of
- * the LIE field, on one copy of `kind` followed by R^n; an algebra element has m numbers. */
+/* Fields of rigid bodies, which use parameters but no constants and no workspace. The ambient field is the
+ * generator of the LIE field, on one copy of `kind` followed by R^n; an algebra element has m numbers. */
 #define BODY(name, m, kind)                                                                                  \
     INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
         name##_of(&(field_at){problem->parameter, y, out, 0.0});                                             \
