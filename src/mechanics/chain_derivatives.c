@@ -85,8 +85,8 @@ void lg_chain_batch_value(const lg_chain_batch *batch, const void *const *in, vo
 
 /* ---- the adjoint ---- */
 
-/* Cotangents: of v (given), q and x, (k, 3); of omega where W x was; of mu, then of u, (k); over all rows of W,
- * 1/m, r and the parameters. */
+/* Cotangents: of v (given), q and x, (k, 3); of omega where W x was; of mu, then of u, (k); summed over all
+ * rows: of W, 1/m, r and the parameters. */
 typedef struct adjoint {
     double *g, *q, *x, *omega;
     double *u, *w, *w_next, *light;
