@@ -56,7 +56,7 @@ static const lg_parameter_entry parameters[] = {
 /* ---- (Q, pi): the state of cotangent and direct, and the first part of the state of quadratic ---- */
 
 static const lg_state_entry spatial_state[] = {
-    {"Q", 1, 3, 3, ATTITUDE, 9, lg_system_unit},
+    {"Q", 1, 3, 3, ATTITUDE, 9, lg_row_attitude},
     {"pi", 1, 1, 3, MOMENTUM, 3, NULL},
     {.key = NULL},
 };

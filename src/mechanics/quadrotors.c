@@ -28,6 +28,7 @@
 
 #include <float.h>
 
+#include "mechanics/engine.h"
 #include "mechanics/fields/scalars.h"
 
 #include "mechanics/fields/plain.inc"
@@ -69,7 +70,7 @@ static const double position_fallback[3] = {-2.0, 0.0, 0.0}, zero[3] = {0.0, 0.0
 static const lg_state_entry state[] = {
     {"y", 1, 1, 3, POSITION, 3, position_fallback},
     {"v", 1, 1, 3, VELOCITY, 3, zero},
-    {"R", 2, 3, 3, QUADROTOR, QUADROTOR_SIZE, lg_system_unit},
+    {"R", 2, 3, 3, QUADROTOR, QUADROTOR_SIZE, lg_row_attitude},
     {"Omega", 2, 1, 3, QUADROTOR + RATE, QUADROTOR_SIZE, zero},
     {"q", 2, 1, 3, LINK, LINK_SIZE, NULL},
     {"omega", 2, 1, 3, LINK + 3, LINK_SIZE, zero},

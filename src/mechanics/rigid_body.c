@@ -53,7 +53,7 @@ const lg_system_row lg_system_row_rigid_body = {
 /* ---- attitude ---- */
 
 static const lg_state_entry attitude_state[] = {
-    {"R", 1, 3, 3, ATTITUDE, 9, lg_system_unit},
+    {"R", 1, 3, 3, ATTITUDE, 9, lg_row_attitude},
     {"pi", 1, 1, 3, MOMENTUM, 3, NULL},
     {.key = NULL},
 };

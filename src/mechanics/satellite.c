@@ -19,6 +19,7 @@
 
 #include <float.h>
 
+#include "mechanics/engine.h"
 #include "mechanics/fields/scalars.h"
 
 #include "mechanics/fields/plain.inc"
@@ -42,7 +43,7 @@ static const lg_parameter_entry parameters[] = {
 };
 
 static const lg_state_entry state[] = {
-    {"R", 1, 3, 3, ATTITUDE, 9, lg_system_unit},
+    {"R", 1, 3, 3, ATTITUDE, 9, lg_row_attitude},
     {"pi", 1, 1, 3, MOMENTUM, 3, NULL},
     {"q", 1, 1, 3, DIRECTION, 3, NULL},
     {"p", 1, 1, 3, PENDULUM, 3, NULL},

@@ -15,8 +15,6 @@ static const lg_system_row *const rows[] = {
     &lg_system_row_quadrotors,
 };
 
-const double lg_system_unit[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
-
 /* ---- the tables ---- */
 
 const lg_energy_row *const lg_energy_rows[] = {

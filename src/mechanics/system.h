@@ -99,8 +99,6 @@ const char *lg_trajectory_fault(const lg_trajectory_options *options);
 /* Adds the noise of trajectory `number` to its points of d numbers. */
 void lg_trajectory_disturb(const lg_trajectory_options *options, size_t d, size_t number, double *trajectory);
 
-extern const double lg_system_unit[9]; /* the unit matrix, a default of attitudes */
-
 /* The rows. The first form of a system is its default. */
 extern const lg_system_row lg_system_row_oscillator, lg_system_row_quartic, lg_system_row_coupled;
 extern const lg_system_row lg_system_row_chain_lagrangian, lg_system_row_chain_hamiltonian;
