@@ -9,50 +9,26 @@
 #include "liegrad/ensemble.h"
 #include "liegrad/integrators.h"
 
-/* The systems whose fields exist for lanes. */
-typedef enum lg_lane_system {
-    LG_LANES_NONE,
-    LG_LANES_OSCILLATOR,
-    LG_LANES_QUARTIC,
-    LG_LANES_COUPLED,
-    LG_LANES_CHAIN_LAGRANGIAN,
-    LG_LANES_CHAIN_HAMILTONIAN,
-    LG_LANES_RIGID_BODY,
-    LG_LANES_ATTITUDE,
-    LG_LANES_TOP_COTANGENT,
-    LG_LANES_TOP_DIRECT,
-    LG_LANES_TOP_LIE_POISSON,
-    LG_LANES_TOP_QUADRATIC,
-    LG_LANES_SYSTEMS
-} lg_lane_system;
-
 /* Data that is the same for all blocks of an ensemble. */
 typedef struct lg_lane_plan {
-    const lg_scheme *scheme;
-    lg_lane_system system;
-    lg_space space;    /* the system's space */
-    bool ambient;      /* the scheme works in ambient coordinates, on R^dim */
-    size_t links;      /* number of links of a chain */
-    size_t parameters; /* numbers per member: parameters, constants derived from them, workspace */
+    lg_ensemble_options run; /* with a scheme; the last of the times is t_end */
+    const char *name, *form; /* of the system; form: NULL if it has one only */
+    lg_space space;          /* the system's space */
+    bool ambient;            /* the scheme works in ambient coordinates, on R^dim */
+    size_t links;            /* number of links of a chain */
+    size_t parameters;       /* numbers per member: parameters, constants derived from them, workspace */
     size_t constants, work;
-    bool varied; /* each member has its own parameters */
-    const lg_step_controller *control;
-    size_t steps; /* > 0: number of equal steps; 0: adaptive steps */
     double t_end;
-    const double *times; /* (count): times at which states are kept, ascending; the last is t_end */
-    size_t count;
-    const lg_ensemble_event *events;
-    size_t event_count;
 } lg_lane_plan;
 
 /* The members that one call of `run` integrates. Rows of its arrays have `room` numbers, one per member. */
 typedef struct lg_lane_block {
     size_t members, room;
-    const double *start;     /* (dim, room) */
-    const double *parameter; /* (parameters, room) if plan->varied, else (parameters) */
-    const double *constant;  /* (constants, room) if plan->varied, else (constants) */
-    double *states;          /* (count, dim, room) */
-    double *events; /* (event_count, room): first time of each event; untouched if it never happens */
+    double *start;     /* (dim, room) */
+    double *parameter; /* (parameters, room) if run.varied, else (parameters) */
+    double *constant;  /* (constants, room) if run.varied, else (constants) */
+    double *states;    /* (count, dim, room) */
+    double *events;    /* (event_count, room): first time of each event; untouched if it never happens */
     lg_ensemble_member *outcome;
     uint64_t *attempts; /* number of attempted vector steps is added to it */
     void *memory;       /* work memory, as many bytes as `memory` of lg_lane_table says, aligned */
@@ -60,13 +36,9 @@ typedef struct lg_lane_block {
 
 typedef struct lg_lane_table {
     size_t lanes;
+    bool (*knows)(const lg_lane_plan *plan); /* whether the fields of the plan's system exist for lanes */
     size_t (*memory)(const lg_lane_plan *plan, size_t room);
     void (*run)(const lg_lane_plan *plan, const lg_lane_block *block);
 } lg_lane_table;
-
-/* The table for the instruction set in use. */
-const lg_lane_table *lg_lanes(void);
-/* Whether lanes support the plan's system and scheme. */
-bool lg_lanes_fit(const lg_lane_plan *plan);
 
 #endif

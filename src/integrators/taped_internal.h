@@ -60,15 +60,14 @@ lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const l
  * the function field (x, u -> algebra element of the space); u may be missing. */
 lg_status lg_program_add_velocity(lg_program *program, const lg_space *space, lg_error *error);
 
-/* Equations r(x) = 0 of independent rows; x and r are (B, n). They may use variables that were made before,
- * and must not keep variables that they make. */
+/* Equations r(x) = 0 of independent rows, whose results do not depend on each other; x and r are (B, n). They
+ * may use variables that were made before, and must not keep variables that they make. */
 typedef struct lg_root {
     lg_status (*equations)(void *user, lg_tape *tape, lg_var x, lg_var *r);
     void *user;
     double scale; /* usual size of x, or of what x is added to */
-    /* NULL: a row without a solution becomes NaN, and a row's result does not depend on the other rows.
-     * Otherwise the iteration starts at 0 and ends for all rows at once; part(user, k, n) sets the equations
-     * to those of k/n of the step. */
+    /* NULL: a row without a solution becomes NaN. Otherwise that is an error, and the iteration starts at 0;
+     * part(user, k, n) sets the equations to those of k/n of the step. */
     void (*part)(void *user, int part, int parts);
 } lg_root;
 /* Solves for x near `first` (B, n) by Newton's method. First and second derivatives of *x are exact. Errors

@@ -18,11 +18,10 @@ typedef struct newton {
     lg_tape *tape;
     const lg_root *of;
     size_t rows, n;
-    size_t together; /* number of rows that are done at the same time */
     double eps;
     double *x, *r, *column, *seed; /* (rows, n) */
     double *matrix, *inverse;      /* (rows, n, n): dr/dx and its inverse K */
-    double *change;                /* (rows/together): largest change in the last step; 0: done */
+    double *change;                /* (rows): largest change in the last step; 0: done */
 } newton;
 
 /* r and dr/dx at x. Each column takes one forward pass for all rows at once. */
@@ -82,52 +81,43 @@ int lg_taped_invert(size_t n, double *a, double *swaps) {
     return sign;
 }
 
-/* One Newton step in row b; raises *moved to the largest |change| and *size to the largest |x_i|. False if
- * the change is not finite. */
-static bool improve(newton *s, size_t b, double *moved, double *size) {
+/* One Newton step in row b. The row is done when its change is rounding error: a few eps of x, or small and
+ * hardly smaller than the change before. Without a solution it becomes NaN. */
+static void improve(newton *s, size_t b, bool last) {
     const size_t n = s->n;
-    double *x = s->x + b * n, *K = s->inverse + b * n * n;
+    double *x = s->x + b * n, *K = s->inverse + b * n * n, moved = 0.0, size = 0.0;
     memcpy(K, s->matrix + b * n * n, n * n * sizeof *K);
-    if (!lg_taped_invert(n, K, s->column)) return false;
-    for (size_t i = 0; i < n; i++) {
+    const bool regular = lg_taped_invert(n, K, s->column) != 0;
+    for (size_t i = 0; i < n && regular; i++) {
         double change = 0.0;
         for (size_t j = 0; j < n; j++) change += K[i * n + j] * s->r[b * n + j];
         x[i] -= change;
-        *moved = fmax(*moved, isfinite(change) ? fabs(change) : INFINITY);
-        *size = fmax(*size, fabs(x[i]));
+        moved = fmax(moved, isfinite(change) ? fabs(change) : INFINITY);
+        size = fmax(size, fabs(x[i]));
     }
-    return *moved < INFINITY;
-}
-
-/* One Newton step in the rows of a group. They are done when their change is rounding error: a few eps of x,
- * or small and hardly smaller than the change before. Without a solution they become NaN. */
-static void improve_group(newton *s, size_t group, bool last) {
-    const size_t first = group * s->together, count = s->together * s->n;
-    double moved = 0.0, size = 0.0, before = s->change[group];
-    bool found = true;
-    for (size_t b = first; b < first + s->together && found; b++) found = improve(s, b, &moved, &size);
-    const bool rounding = moved <= 4.0 * s->eps * size ||
-                          (moved >= 0.25 * before && moved <= 1024.0 * s->eps * fmax(size, s->of->scale));
-    s->change[group] = found && !rounding ? moved : 0.0;
-    for (size_t i = 0; (!found || (last && !rounding)) && i < count; i++)
-        s->x[first * s->n + i] = (double)NAN;
+    const bool found = regular && moved < INFINITY;
+    const bool rounding =
+        moved <= 4.0 * s->eps * size ||
+        (moved >= 0.25 * s->change[b] && moved <= 1024.0 * s->eps * fmax(size, s->of->scale));
+    s->change[b] = found && !rounding ? moved : 0.0;
+    for (size_t i = 0; (!found || (last && !rounding)) && i < n; i++) x[i] = (double)NAN;
 }
 
 static lg_status solve(newton *s) {
     enum { LONGEST = 30 };
-    const size_t groups = s->rows / s->together;
-    size_t open = groups;
-    for (size_t g = 0; g < groups; g++) s->change[g] = INFINITY;
+    const size_t count = s->rows * s->n;
+    size_t open = s->rows;
+    for (size_t b = 0; b < s->rows; b++) s->change[b] = INFINITY;
     for (int i = 1; i <= LONGEST && open > 0; i++) {
         LG_TRY(linearise(s));
-        if (i == 1 && s->of->part != NULL && !lg_all_finite(s->rows * s->n, s->r)) return LG_NOT_FINITE;
+        if (i == 1 && s->of->part != NULL && !lg_all_finite(count, s->r)) return LG_NOT_FINITE;
         open = 0;
-        for (size_t g = 0; g < groups; g++) {
-            if (s->change[g] > 0.0) improve_group(s, g, i == LONGEST);
-            open += s->change[g] > 0.0;
+        for (size_t b = 0; b < s->rows; b++) {
+            if (s->change[b] > 0.0) improve(s, b, i == LONGEST);
+            open += s->change[b] > 0.0;
         }
     }
-    return s->of->part != NULL && isnan(s->x[0]) ? LG_NO_CONVERGENCE : LG_OK;
+    return s->of->part != NULL && !lg_all_finite(count, s->x) ? LG_NO_CONVERGENCE : LG_OK;
 }
 
 /* Solves for the whole step from x = 0. If Newton's method fails, the equations are solved for 4, 16 or 64
@@ -188,7 +178,6 @@ lg_status lg_taped_root(lg_tape *tape, const lg_root *of, lg_var first, lg_var *
                 .of = of,
                 .rows = shape.dims[0],
                 .n = shape.dims[1],
-                .together = of->part != NULL ? shape.dims[0] : 1,
                 .eps = lg_tape_dtype(tape) == LG_F64 ? DBL_EPSILON : FLT_EPSILON};
     lg_var inverse;
     LG_TRY(solution(&s, first, x, &inverse));

@@ -14,41 +14,16 @@
 enum { CHAIN_GRAVITY, CHAIN_MASSES, CHAIN_LENGTHS };
 extern const lg_parameter_entry lg_chain_parameters[];
 
-/* Quantities that do not depend on the state; the arrays have k entries each. */
-typedef struct lg_chain {
-    size_t links;
-    double gravity;
-    const double *mass, *length;
-    double *light;     /* 1/m_i */
-    double *diagonal;  /* 1/m_i + [i > 1]/m_{i-1} */
-    double *curvature; /* 1/L_i */
-    double *mu;        /* sum_{l >= i} m_l */
-    double *weight;    /* mu_i g L_i */
-    double *m_inverse; /* 1/m_ii */
-    double *w;         /* W_ii */
-    double *w_next;    /* W_{i,i+1}; the last is 0 */
-} lg_chain;
+#define number double
+#include "mechanics/fields/chain_numbers.inc"
+#undef number
 
-enum { CHAIN_CONSTANTS = 8 };
-
-/* The view of a system's parameters and constants. Inline, as every field evaluation calls it. */
 static inline lg_chain lg_chain_of(const lg_system *system) {
-    const size_t k = system->links;
-    const double *p = system->parameters;
-    double *c = system->constants;
-    return (lg_chain){.links = k,
-                      .gravity = p[0],
-                      .mass = p + 1,
-                      .length = p + 1 + k,
-                      .light = c,
-                      .diagonal = c + k,
-                      .curvature = c + 2 * k,
-                      .mu = c + 3 * k,
-                      .weight = c + 4 * k,
-                      .m_inverse = c + 5 * k,
-                      .w = c + 6 * k,
-                      .w_next = c + 7 * k};
+    return chain_view(system->links, system->parameters, system->constants);
 }
+
+/* Writes the constants of the view from its parameters. */
+void lg_chain_constants(const lg_chain *c);
 
 /* Members that the rows of both forms have in common. */
 void lg_chain_prepare(lg_system *system, double *constants);

@@ -6,7 +6,6 @@
 #include "mechanics/chain.h"
 #include "mechanics/fields/scalars.h"
 
-typedef lg_chain chain_numbers;
 #include "mechanics/fields/vectors.inc"
 
 #include "mechanics/fields/chain.inc"
@@ -72,7 +71,6 @@ const lg_system_row lg_system_row_chain_hamiltonian = {
     .structure = LG_STRUCTURE_HAMILTONIAN,
     .field = {[LG_COORDINATES_LIE] = field_lie, [LG_COORDINATES_AMBIENT] = field_ambient},
     .extended = true,
-    .lanes = LG_LANES_CHAIN_HAMILTONIAN,
     .taped = lg_chain_taped_hamiltonian,
     LG_CHAIN_MEMBERS,
 };

@@ -1,10 +1,8 @@
 /* The chain of k spherical pendulums in Lagrangian form on (TS^2)^k, y = (q_1, omega_1, q_2, omega_2, ...);
  * equations at lg_system_ode in liegrad/mechanics.h. Its fields are in fields/chain_lagrangian.inc. */
 #include "mechanics/chain.h"
-
 #include "mechanics/fields/scalars.h"
 
-typedef lg_chain chain_numbers;
 #include "mechanics/fields/vectors.inc"
 
 #include "mechanics/fields/chain_lagrangian.inc"
@@ -54,7 +52,6 @@ const lg_system_row lg_system_row_chain_lagrangian = {
     .form = "lagrangian",
     .structure = LG_STRUCTURE_LAGRANGIAN,
     .field = {[LG_COORDINATES_LIE] = field_lie, [LG_COORDINATES_AMBIENT] = field_ambient},
-    .lanes = LG_LANES_CHAIN_LAGRANGIAN,
     .taped = lg_chain_taped_lagrangian,
     LG_CHAIN_MEMBERS,
 };

@@ -15,7 +15,6 @@
 #include "mechanics/chain.h"
 #include "mechanics/fields/scalars.h"
 
-typedef lg_chain chain_numbers;
 #include "mechanics/fields/chain.inc"
 
 #define NEWTON_MAX     50

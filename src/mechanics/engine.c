@@ -65,6 +65,8 @@ lg_var lg_bracket_change(lg_tape *tape, const lg_var *y, const lg_var *dH) {
 
 /* ---- rows ---- */
 
+const double lg_row_attitude[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
+
 lg_var lg_row_numbers(lg_tape *tape, const lg_at *at, uint32_t first, uint32_t count) {
     return lg_slice(tape, at->parameters, 0, first, count);
 }

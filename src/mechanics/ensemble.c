@@ -17,11 +17,10 @@
 typedef struct worker {
     lg_system *system; /* has the parameters of the current member */
     lg_lane_block block;
-    double *start, *parameter, *constant;     /* as in the block */
-    double *own_start, *own_parameter, *work; /* of the current member */
-    double *projected;                        /* (dim) */
-    size_t groups, *group_end;                /* groups of the state (integrators/groups.h) */
-    unsigned char *refused;                   /* (room): the start or the parameters are not allowed */
+    double *own_start, *own_parameter; /* of the current member */
+    double *projected;                 /* (dim) */
+    size_t groups, *group_end;         /* groups of the state (integrators/groups.h) */
+    unsigned char *refused;            /* (room): the start or the parameters are not allowed */
     void *memory;
     lg_one_by_one one; /* used if lanes are not */
     uint64_t attempts, vectors, failed, steps, rejected;
@@ -30,7 +29,6 @@ typedef struct worker {
 typedef struct ensemble {
     const lg_context *context;
     const lg_system *system;
-    lg_ensemble_options options;
     lg_lane_plan plan;
     const lg_lane_table *lanes; /* NULL: one member at a time */
     lg_ensemble_start draw;
@@ -102,8 +100,34 @@ size_t lg_ensemble_block_size(const lg_ensemble_options *o, size_t dim) {
     return room;
 }
 
+#define DECLARE(NAME, name) extern const lg_lane_table lg_lanes_##name;
+DECLARE(BASELINE, baseline)
+LG_FASTER_SETS(DECLARE)
+
+/* The table of lanes for the instruction set in use. */
+static const lg_lane_table *table_of_lanes(void) {
+#define ROW(NAME, name) [LG_ISA_##NAME] = &lg_lanes_##name,
+    static const lg_lane_table *const tables[LG_ISA_COUNT] = {ROW(BASELINE, baseline) LG_FASTER_SETS(ROW)};
+    return tables[lg_isa_in_use()];
+}
+
+/* Whether lane_project covers all factors of the space: it projects T*S^2, but not SO(3) and SE(3). */
+static bool projects(const lg_space *space) {
+    for (size_t i = 0; i < space->factors; i++)
+        if (space->factor[i].kind == LG_SPACE_SO3 || space->factor[i].kind == LG_SPACE_SE3) return false;
+    return true;
+}
+
+/* Whether lanes support the plan's system and scheme. */
+static bool fits_lanes(const lg_lane_plan *plan) {
+    const lg_scheme *scheme = plan->run.scheme;
+    if (!table_of_lanes()->knows(plan) || (scheme->project && !projects(&plan->space))) return false;
+    if (scheme->kind == LG_SCHEME_COMMUTATOR_FREE) return true;
+    return scheme->kind == LG_SCHEME_RKMK && scheme->commutator_count == 0;
+}
+
 static lg_status prepare(ensemble *all, lg_error *error) {
-    lg_ensemble_options *o = &all->options;
+    lg_ensemble_options *o = &all->plan.run;
     const lg_system *system = all->system;
     if (!o->scheme) o->scheme = lg_scheme_find(lg_space_is_abelian(&system->space) ? "dp54" : "rkmk54");
     LG_TRY(lg_scheme_check(o->scheme, error));
@@ -122,25 +146,9 @@ static lg_status prepare(ensemble *all, lg_error *error) {
                        "the step control of the ensemble is not valid: start from lg_step_controller_init");
     o->control.observe = NULL;
     o->control.dense = true;
-    all->plan = (lg_lane_plan){
-        .scheme = o->scheme,
-        .system = system->row->lanes,
-        .space = system->space,
-        .ambient = lg_system_coordinates_for(o->scheme) == LG_COORDINATES_AMBIENT,
-        .links = system->links,
-        .parameters = system->parameter_count,
-        .constants = lg_system_constants(system),
-        .work = lg_system_own_work(system),
-        .varied = o->varied,
-        .control = &o->control,
-        .steps = o->steps,
-        .t_end = o->times[o->count - 1],
-        .times = o->times,
-        .count = o->count,
-        .events = o->events,
-        .event_count = o->event_count,
-    };
-    if (!o->one_by_one && lg_lanes_fit(&all->plan)) all->lanes = lg_lanes();
+    all->plan.t_end = o->times[o->count - 1];
+    all->plan.ambient = lg_system_coordinates_for(o->scheme) == LG_COORDINATES_AMBIENT;
+    if (!o->one_by_one && fits_lanes(&all->plan)) all->lanes = table_of_lanes();
     all->room = lg_ensemble_block_size(o, system->space.dim);
     all->blocks = o->members / all->room + (o->members % all->room > 0);
     return LG_OK;
@@ -157,20 +165,19 @@ static void free_worker(const ensemble *all, worker *w) {
 /* Lays the arrays out in w->memory; without it only returns their size, bytes. */
 static size_t lay_out(const ensemble *all, worker *w) {
     const lg_lane_plan *plan = &all->plan;
-    const size_t room = all->room, dim = plan->space.dim, own = plan->varied ? room : 1,
+    const size_t room = all->room, dim = plan->space.dim, own = plan->run.varied ? room : 1,
                  number = sizeof(double);
     lg_portions from = {w->memory, 0};
     w->block.memory = lg_portion(&from, all->lanes ? all->lanes->memory(plan, room) : 0, 1);
-    w->block.states = lg_portion(&from, room, plan->count * dim * number);
-    w->block.events = lg_portion(&from, room, plan->event_count * number);
+    w->block.states = lg_portion(&from, room, plan->run.count * dim * number);
+    w->block.events = lg_portion(&from, room, plan->run.event_count * number);
     w->block.outcome = lg_portion(&from, room, sizeof(*w->block.outcome));
-    w->block.start = w->start = lg_portion(&from, room, dim * number);
-    w->block.parameter = w->parameter = lg_portion(&from, own, plan->parameters * number);
-    w->block.constant = w->constant = lg_portion(&from, own, plan->constants * number);
+    w->block.start = lg_portion(&from, room, dim * number);
+    w->block.parameter = lg_portion(&from, own, plan->parameters * number);
+    w->block.constant = lg_portion(&from, own, plan->constants * number);
     w->own_start = lg_portion(&from, dim, number);
     w->own_parameter = lg_portion(&from, plan->parameters, number);
     w->projected = lg_portion(&from, dim, number);
-    w->work = lg_portion(&from, lg_system_work_size(all->system), 1);
     w->group_end = lg_portion(&from, dim, sizeof(*w->group_end));
     w->refused = lg_portion(&from, room, 1);
     return from.used;
@@ -185,8 +192,10 @@ static lg_status make_worker(const ensemble *all, worker *w) {
     w->groups = lg_space_groups(&plan->space, w->group_end);
     w->block.room = all->room;
     w->block.attempts = &w->vectors;
-    memcpy(w->parameter, all->system->parameters, (plan->varied ? 0 : plan->parameters) * sizeof(double));
-    memcpy(w->constant, all->system->constants, (plan->varied ? 0 : plan->constants) * sizeof(double));
+    memcpy(w->block.parameter, all->system->parameters,
+           (plan->run.varied ? 0 : plan->parameters) * sizeof(double));
+    memcpy(w->block.constant, all->system->constants,
+           (plan->run.varied ? 0 : plan->constants) * sizeof(double));
     return all->lanes ? LG_OK : lg_one_by_one_begin(all->context, plan, w->system, &w->one);
 }
 
@@ -212,7 +221,7 @@ static bool is_near(const worker *w) {
 
 /* Checks the current member's start and parameters, and projects the start. False if they are not allowed. */
 static bool allowed(const ensemble *all, worker *w) {
-    if (all->plan.varied && lg_system_set_parameters(w->system, w->own_parameter) != LG_OK) return false;
+    if (all->plan.run.varied && lg_system_set_parameters(w->system, w->own_parameter) != LG_OK) return false;
     const size_t bytes = all->plan.space.dim * sizeof(double);
     memcpy(w->projected, w->own_start, bytes);
     lg_space_project(&all->plan.space, w->projected);
@@ -230,7 +239,7 @@ static lg_status draw_members(const ensemble *all, worker *w, uint64_t first, si
     const size_t dim = plan->space.dim, room = all->room;
     for (size_t m = 0; m < members; m++) {
         memset(w->own_start, 0, dim * sizeof(double));
-        if (all->options.start) memcpy(w->own_start, all->options.start, dim * sizeof(double));
+        if (all->plan.run.start) memcpy(w->own_start, all->plan.run.start, dim * sizeof(double));
         memcpy(w->own_parameter, all->system->parameters, plan->parameters * sizeof(double));
         if (all->draw) LG_TRY(all->draw(all->draw_user, first + m, w->own_start, w->own_parameter));
         w->refused[m] = !allowed(all, w);
@@ -239,10 +248,10 @@ static lg_status draw_members(const ensemble *all, worker *w, uint64_t first, si
             memcpy(w->own_parameter, all->system->parameters, plan->parameters * sizeof(double));
             LG_TRY(lg_system_set_parameters(w->system, w->own_parameter));
         }
-        put_column(dim, room, m, w->own_start, w->start);
-        if (!plan->varied) continue;
-        put_column(plan->parameters, room, m, w->own_parameter, w->parameter);
-        put_column(plan->constants, room, m, w->system->constants, w->constant);
+        put_column(dim, room, m, w->own_start, w->block.start);
+        if (!plan->run.varied) continue;
+        put_column(plan->parameters, room, m, w->own_parameter, w->block.parameter);
+        put_column(plan->constants, room, m, w->system->constants, w->block.constant);
     }
     return LG_OK;
 }
@@ -250,10 +259,10 @@ static lg_status draw_members(const ensemble *all, worker *w, uint64_t first, si
 static void run_one_by_one(const ensemble *all, worker *w, size_t members) {
     const size_t room = all->room;
     for (size_t m = 0; m < members; m++) {
-        for (size_t c = 0; c < all->plan.space.dim; c++) w->own_start[c] = w->start[c * room + m];
-        for (size_t i = 0; all->plan.varied && i < all->plan.parameters; i++)
-            w->own_parameter[i] = w->parameter[i * room + m];
-        if (all->plan.varied) (void)lg_system_set_parameters(w->system, w->own_parameter);
+        for (size_t c = 0; c < all->plan.space.dim; c++) w->own_start[c] = w->block.start[c * room + m];
+        for (size_t i = 0; all->plan.run.varied && i < all->plan.parameters; i++)
+            w->own_parameter[i] = w->block.parameter[i * room + m];
+        if (all->plan.run.varied) (void)lg_system_set_parameters(w->system, w->own_parameter);
         lg_one_by_one_run(&w->one, w->own_start, m, &w->block);
     }
 }
@@ -269,34 +278,34 @@ static void settle_failures(const ensemble *all, worker *w, size_t members) {
         w->rejected += outcome->rejected;
         if (outcome->status == LG_OK) continue;
         w->failed++;
-        for (size_t i = 0; i < plan->count; i++)
-            for (size_t c = 0; c < dim && (w->refused[m] || plan->times[i] > outcome->reached); c++)
+        for (size_t i = 0; i < plan->run.count; i++)
+            for (size_t c = 0; c < dim && (w->refused[m] || plan->run.times[i] > outcome->reached); c++)
                 w->block.states[(i * dim + c) * room + m] = NAN;
     }
 }
 
 static lg_status run_block(const ensemble *all, worker *w, uint64_t index) {
     const lg_lane_plan *plan = &all->plan;
-    const uint64_t done = index * all->room, left = all->options.members - done;
+    const uint64_t done = index * all->room, left = all->plan.run.members - done;
     const size_t members = left < all->room ? (size_t)left : all->room;
     w->block.members = members;
-    LG_TRY(draw_members(all, w, all->options.first + done, members));
-    for (size_t i = 0; i < plan->event_count * all->room; i++) w->block.events[i] = NAN;
+    LG_TRY(draw_members(all, w, all->plan.run.first + done, members));
+    for (size_t i = 0; i < plan->run.event_count * all->room; i++) w->block.events[i] = NAN;
     if (all->lanes)
         all->lanes->run(plan, &w->block);
     else
         run_one_by_one(all, w, members);
     settle_failures(all, w, members);
     if (!all->keep) return LG_OK;
-    const lg_ensemble_block kept = {.first = all->options.first + done,
+    const lg_ensemble_block kept = {.first = all->plan.run.first + done,
                                     .members = members,
                                     .room = all->room,
                                     .dim = plan->space.dim,
-                                    .count = plan->count,
+                                    .count = plan->run.count,
                                     .parameter_count = plan->parameters,
-                                    .event_count = plan->event_count,
-                                    .start = w->start,
-                                    .parameter = plan->varied ? w->parameter : NULL,
+                                    .event_count = plan->run.event_count,
+                                    .start = w->block.start,
+                                    .parameter = plan->run.varied ? w->block.parameter : NULL,
                                     .states = w->block.states,
                                     .events = w->block.events,
                                     .member = w->block.outcome,
@@ -352,14 +361,21 @@ lg_status lg_ensemble_run(const lg_context *context, const lg_system *system,
             "the system or the options are NULL, the options' size is wrong, or there are too many members");
     ensemble all = {.context = context,
                     .system = system,
-                    .options = *options,
+                    .plan = {.run = *options,
+                             .name = system->row->name,
+                             .form = system->row->form,
+                             .space = system->space,
+                             .links = system->links,
+                             .parameters = system->parameter_count,
+                             .constants = lg_system_constants(system),
+                             .work = lg_system_own_work(system)},
                     .draw = start,
                     .keep = keep,
                     .draw_user = start_user,
                     .keep_user = keep_user};
     const double begin = lg_seconds();
     LG_TRY(prepare(&all, error));
-    const size_t most = (size_t)all.options.threads;
+    const size_t most = (size_t)all.plan.run.threads;
     const size_t threads = all.blocks < most ? (all.blocks > 0 ? (size_t)all.blocks : 1) : most;
     all.workers = lg_alloc(context, threads, sizeof(*all.workers));
     lg_status status = all.workers ? run_threads(&all, threads) : LG_OUT_OF_MEMORY;

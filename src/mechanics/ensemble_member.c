@@ -10,15 +10,13 @@
 
 /* Lays the arrays out in the memory that begins with `rows`; without it only returns their size, bytes. */
 static size_t lay_out(lg_one_by_one *one, const lg_lane_plan *plan, size_t work) {
-    const size_t state = plan->space.dim * sizeof(double), events = LG_EVENTS_MAX * sizeof(double);
+    const size_t state = plan->space.dim * sizeof(double);
     lg_portions from = {(char *)one->rows, 0};
-    one->rows = lg_portion(&from, plan->count, state);
+    one->rows = lg_portion(&from, plan->run.count, state);
     one->y = lg_portion(&from, 1, state);
     one->before = lg_portion(&from, 1, state);
     one->trial = lg_portion(&from, 1, state);
     one->velocity = lg_portion(&from, 1, state);
-    one->events = lg_portion(&from, 1, events);
-    one->slopes = lg_portion(&from, 1, events);
     one->work = lg_portion(&from, 1, work);
     return from.used;
 }
@@ -32,9 +30,9 @@ lg_status lg_one_by_one_begin(const lg_context *context, const lg_lane_plan *pla
     out->rows = lg_alloc(context, lay_out(out, plan, work), 1);
     if (!out->rows) return LG_OUT_OF_MEMORY;
     (void)lay_out(out, plan, work);
-    LG_TRY(lg_system_ode(system, lg_system_coordinates_for(plan->scheme), &ode, &out->user, out->work));
-    LG_TRY(lg_stepper_create(context, plan->scheme, &ode, &out->stepper));
-    return lg_stepper_create(context, plan->scheme, &ode, &out->looker);
+    LG_TRY(lg_system_ode(system, lg_system_coordinates_for(plan->run.scheme), &ode, &out->user, out->work));
+    LG_TRY(lg_stepper_create(context, plan->run.scheme, &ode, &out->stepper));
+    return lg_stepper_create(context, plan->run.scheme, &ode, &out->looker);
 }
 
 void lg_one_by_one_end(lg_one_by_one *one) {
@@ -84,8 +82,8 @@ static lg_status find_time(lg_one_by_one *one, const lg_ensemble_event *event, l
  * search[e].event is -1 otherwise. Returns whether there is a search. */
 static bool begin_searches(lg_one_by_one *one, double h, const double *y, lg_event_search *search) {
     bool any = false;
-    for (size_t e = 0; e < one->plan->event_count; e++) {
-        const lg_ensemble_event *event = &one->plan->events[e];
+    for (size_t e = 0; e < one->plan->run.event_count; e++) {
+        const lg_ensemble_event *event = &one->plan->run.events[e];
         const double slope = slope_of(one, event);
         search[e] = (lg_event_search){.event = -1,
                                       .direction = event->direction,
@@ -100,7 +98,7 @@ static bool begin_searches(lg_one_by_one *one, double h, const double *y, lg_eve
 }
 
 static bool awaits_event(const lg_one_by_one *one) {
-    for (size_t e = 0; e < one->plan->event_count; e++)
+    for (size_t e = 0; e < one->plan->run.event_count; e++)
         if (isnan(one->events[e])) return true;
     return false;
 }
@@ -112,9 +110,9 @@ static lg_status look(void *user, double t, double h, const double *y) {
     if (awaits_event(one)) {
         LG_TRY(find_velocity(one, one->stepper, t + h, h, y));
         const bool any = begin_searches(one, h, y, search);
-        for (size_t e = 0; any && e < one->plan->event_count; e++)
+        for (size_t e = 0; any && e < one->plan->run.event_count; e++)
             if (search[e].event >= 0)
-                LG_TRY(find_time(one, &one->plan->events[e], &search[e], t, h, &one->events[e]));
+                LG_TRY(find_time(one, &one->plan->run.events[e], &search[e], t, h, &one->events[e]));
     }
     memcpy(one->before, y, one->plan->space.dim * sizeof(*y));
     one->reached = t + h;
@@ -124,7 +122,8 @@ static lg_status look(void *user, double t, double h, const double *y) {
 /* Computes the events' slopes at the start, which is in `before`. */
 static lg_status begin_events(lg_one_by_one *one) {
     LG_TRY(find_velocity(one, one->stepper, 0.0, one->plan->t_end, one->before));
-    for (size_t e = 0; e < one->plan->event_count; e++) one->slopes[e] = slope_of(one, &one->plan->events[e]);
+    for (size_t e = 0; e < one->plan->run.event_count; e++)
+        one->slopes[e] = slope_of(one, &one->plan->run.events[e]);
     return LG_OK;
 }
 
@@ -132,13 +131,13 @@ static lg_status begin_events(lg_one_by_one *one) {
 
 static lg_status run(lg_one_by_one *one, lg_ensemble_member *outcome) {
     const lg_lane_plan *plan = one->plan;
-    lg_step_controller control = *plan->control;
+    lg_step_controller control = plan->run.control;
     lg_run_stats stats = {0};
-    control.steps = plan->steps;
+    control.steps = plan->run.steps;
     control.observe = look;
     control.observer = one;
-    const lg_status status = lg_integrate_adaptive(one->stepper, &control, 0.0, one->y, plan->times,
-                                                   plan->count, one->rows, &stats);
+    const lg_status status = lg_integrate_adaptive(one->stepper, &control, 0.0, one->y, plan->run.times,
+                                                   plan->run.count, one->rows, &stats);
     outcome->steps = stats.steps;
     outcome->rejected = stats.rejected;
     return status;
@@ -154,10 +153,11 @@ void lg_one_by_one_run(lg_one_by_one *one, const double *y0, size_t member, cons
     one->reached = 0.0;
     lg_stepper_reset(one->stepper);
     lg_stepper_reset(one->looker);
-    if (outcome.status == LG_OK && plan->event_count > 0) outcome.status = begin_events(one);
+    if (outcome.status == LG_OK && plan->run.event_count > 0) outcome.status = begin_events(one);
     if (outcome.status == LG_OK) outcome.status = run(one, &outcome);
     outcome.reached = outcome.status == LG_OK ? plan->t_end : one->reached;
-    for (size_t i = 0; i < plan->count * dim; i++) block->states[i * block->room + member] = one->rows[i];
-    for (size_t e = 0; e < plan->event_count; e++) block->events[e * block->room + member] = one->events[e];
+    for (size_t i = 0; i < plan->run.count * dim; i++) block->states[i * block->room + member] = one->rows[i];
+    for (size_t e = 0; e < plan->run.event_count; e++)
+        block->events[e * block->room + member] = one->events[e];
     block->outcome[member] = outcome;
 }

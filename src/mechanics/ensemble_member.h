@@ -11,8 +11,8 @@ typedef struct lg_one_by_one {
     lg_system_user user;
     lg_stepper *stepper, *looker; /* `looker` makes the steps of the searches for events */
     double *rows, *y, *before, *trial, *velocity, *work; /* in one block of memory, which begins with rows */
-    double *events; /* LG_EVENTS_MAX: times of the current member's events, NaN before they happen */
-    double *slopes; /* LG_EVENTS_MAX: time derivative of each event's g at `before` */
+    double events[LG_EVENTS_MAX]; /* times of the current member's events, NaN before they happen */
+    double slopes[LG_EVENTS_MAX]; /* time derivative of each event's g at `before` */
     double reached;
 } lg_one_by_one;
 

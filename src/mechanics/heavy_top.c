@@ -55,10 +55,8 @@ static const lg_parameter_entry parameters[] = {
 
 /* ---- (Q, pi): the state of cotangent and direct, and the first part of the state of quadratic ---- */
 
-static const double identity[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
-
 static const lg_state_entry spatial_state[] = {
-    {"Q", 1, 3, 3, ATTITUDE, 9, identity},
+    {"Q", 1, 3, 3, ATTITUDE, 9, lg_row_attitude},
     {"pi", 1, 1, 3, MOMENTUM, 3, NULL},
     {.key = NULL},
 };
@@ -88,9 +86,7 @@ const lg_system_row lg_system_row_top_cotangent = {
     .form = "cotangent",
     .factor = {{LG_SPACE_SE3, 1}},
     .invariant = spatial_invariant,
-    .field = {cotangent_field, NULL},
-    .lanes = LG_LANES_TOP_COTANGENT,
-    .taped = lg_cotangent_taped,
+    LG_FIELDS(cotangent),
     SPATIAL,
 };
 
@@ -98,9 +94,7 @@ const lg_system_row lg_system_row_top_direct = {
     .form = "direct",
     .factor = {{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}},
     .invariant = spatial_invariant,
-    .field = {direct_field, NULL},
-    .lanes = LG_LANES_TOP_DIRECT,
-    .taped = lg_direct_taped,
+    LG_FIELDS(direct),
     SPATIAL,
 };
 
@@ -131,9 +125,7 @@ const lg_system_row lg_system_row_top_lie_poisson = {
     .factor = {{LG_SPACE_SE3_DUAL, 1}},
     .invariants = poisson_invariants,
     .invariant = poisson_invariant,
-    .field = {poisson_field, NULL},
-    .lanes = LG_LANES_TOP_LIE_POISSON,
-    .taped = lg_poisson_taped,
+    LG_FIELDS(poisson),
     TOP,
 };
 
@@ -160,9 +152,7 @@ const lg_system_row lg_system_row_top_quadratic = {
     .factor = {{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 6}},
     .invariant = quadratic_invariant,
     .generating = quadratic_generating,
-    .field = {quadratic_field, NULL},
-    .lanes = LG_LANES_TOP_QUADRATIC,
-    .taped = lg_quadratic_taped,
+    LG_FIELDS(quadratic),
     SPATIAL,
 };
 

@@ -30,29 +30,7 @@ INLINE lanes field_positive(lanes x) {
     return lane_choose(sound, x, lie_all(NAN));
 }
 
-/* lg_chain on lanes: the parameters g, m, L, and the constants in the order of lg_chain_of. */
-typedef struct chain_numbers {
-    size_t links;
-    lanes gravity;
-    const lanes *mass, *length, *light, *diagonal, *curvature, *weight, *m_inverse, *w, *w_next;
-} chain_numbers;
-
-INLINE chain_numbers chain_of(const lane_problem *problem) {
-    const size_t k = problem->links;
-    const lanes *p = problem->parameter, *c = problem->constant;
-    return (chain_numbers){.links = k,
-                           .gravity = p[0],
-                           .mass = p + 1,
-                           .length = p + 1 + k,
-                           .light = c,
-                           .diagonal = c + k,
-                           .curvature = c + 2 * k,
-                           .weight = c + 4 * k,
-                           .m_inverse = c + 5 * k,
-                           .w = c + 6 * k,
-                           .w_next = c + 7 * k};
-}
-
+#include "mechanics/fields/chain_numbers.inc"
 #include "mechanics/fields/plain.inc"
 #include "mechanics/fields/vectors.inc"
 
@@ -71,17 +49,25 @@ SEPARABLE(oscillator, 1)
 SEPARABLE(quartic, 2)
 SEPARABLE(coupled, 2)
 
-/* Fields of rigid bodies, which use parameters but no constants and no workspace. */
-#define BODY(name)                                                                                           \
+/* Fields of rigid bodies, which use parameters but no constants and no workspace. The ambient field is the
+ * generator of the LIE field, on one copy of `kind` followed by R^n; an algebra element has m numbers. */
+#define BODY(name, m, kind)                                                                                  \
     INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
         name##_of(&(field_at){problem->parameter, y, out, 0.0});                                             \
+    }                                                                                                        \
+    INLINE void name##_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {              \
+        lanes a[m];                                                                                          \
+        name##_lanes(problem, y, a);                                                                         \
+        lane_generate_copy(kind, a, y, out);                                                                 \
+        const size_t own = lane_kinds[kind].algebra, at = lane_kinds[kind].state;                            \
+        memcpy(out + at, a + own, ((m)-own) * sizeof *a);                                                    \
     }
-BODY(momentum)
-BODY(attitude)
-BODY(direct)
-BODY(cotangent)
-BODY(poisson)
-BODY(quadratic)
+BODY(momentum, 3, LG_SPACE_SO3_DUAL)
+BODY(attitude, 6, LG_SPACE_SO3)
+BODY(direct, 6, LG_SPACE_SO3)
+BODY(cotangent, 6, LG_SPACE_SE3)
+BODY(poisson, 6, LG_SPACE_SE3_DUAL)
+BODY(quadratic, 12, LG_SPACE_SE3)
 
 INLINE void write_lie(const lanes *y, const lanes *a, lanes *out) {
     const lanes along = field_dot(y, a);
@@ -94,7 +80,7 @@ INLINE void write_lie(const lanes *y, const lanes *a, lanes *out) {
 /* Fields of chains, of the chain's numbers. */
 #define CHAIN(name, call)                                                                                    \
     INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
-        const chain_numbers chain = chain_of(problem);                                                       \
+        const lg_chain chain = chain_view(problem->links, problem->parameter, problem->constant);            \
         call;                                                                                                \
     }
 CHAIN(pendulum_lie, pendulum_lie(&chain, y, out))
@@ -103,23 +89,6 @@ CHAIN(lagrangian_lie, chain_field(&chain, y, problem->work, out, write_lie))
 CHAIN(lagrangian_ambient, chain_field(&chain, y, problem->work, out, write_ambient))
 CHAIN(hamiltonian_lie, hamiltonian_lie_of(&chain, y, problem->work, out))
 CHAIN(hamiltonian_ambient, hamiltonian_ambient_of(&chain, y, problem->work, out))
-
-/* The ambient field as the generator of the LIE field, on one copy of `kind` followed by R^n; an algebra
- * element has m numbers. */
-#define GENERATED(name, m, kind)                                                                             \
-    INLINE void name##_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {              \
-        lanes a[m];                                                                                          \
-        name##_lanes(problem, y, a);                                                                         \
-        lane_generate_copy(kind, a, y, out);                                                                 \
-        const size_t own = lane_kinds[kind].algebra, at = lane_kinds[kind].state;                            \
-        memcpy(out + at, a + own, ((m)-own) * sizeof *a);                                                    \
-    }
-GENERATED(momentum, 3, LG_SPACE_SO3_DUAL)
-GENERATED(attitude, 6, LG_SPACE_SO3)
-GENERATED(direct, 6, LG_SPACE_SO3)
-GENERATED(cotangent, 6, LG_SPACE_SE3)
-GENERATED(poisson, 6, LG_SPACE_SE3_DUAL)
-GENERATED(quadratic, 12, LG_SPACE_SE3)
 
 /* ---- the loops ---- */
 
@@ -148,32 +117,42 @@ static void free_loop(lane_run *r) {
 }
 
 typedef struct lane_entry {
-    lg_lane_system system;
+    const char *name, *form;   /* of the system */
     size_t links;              /* 0: any number */
     lane_field field[2];       /* index: lg_coordinates */
     void (*loop)(lane_run *r); /* for classical schemes; NULL: classical_loop */
 } lane_entry;
 
 static const lane_entry entries[] = {
-    {LG_LANES_OSCILLATOR, 0, {oscillator_lanes, oscillator_lanes}, oscillator_lanes_loop},
-    {LG_LANES_QUARTIC, 0, {quartic_lanes, quartic_lanes}, quartic_lanes_loop},
-    {LG_LANES_COUPLED, 0, {coupled_lanes, coupled_lanes}, coupled_lanes_loop},
-    {LG_LANES_CHAIN_LAGRANGIAN, 1, {pendulum_lie_lanes, pendulum_ambient_lanes}, pendulum_ambient_lanes_loop},
-    {LG_LANES_CHAIN_LAGRANGIAN, 0, {lagrangian_lie_lanes, lagrangian_ambient_lanes}, NULL},
-    {LG_LANES_CHAIN_HAMILTONIAN, 0, {hamiltonian_lie_lanes, hamiltonian_ambient_lanes}, NULL},
-    {LG_LANES_RIGID_BODY, 0, {momentum_lanes, momentum_ambient_lanes}, momentum_ambient_lanes_loop},
-    {LG_LANES_ATTITUDE, 0, {attitude_lanes, attitude_ambient_lanes}, NULL},
-    {LG_LANES_TOP_COTANGENT, 0, {cotangent_lanes, cotangent_ambient_lanes}, NULL},
-    {LG_LANES_TOP_DIRECT, 0, {direct_lanes, direct_ambient_lanes}, NULL},
-    {LG_LANES_TOP_LIE_POISSON, 0, {poisson_lanes, poisson_ambient_lanes}, NULL},
-    {LG_LANES_TOP_QUADRATIC, 0, {quadratic_lanes, quadratic_ambient_lanes}, NULL},
+    {"oscillator", NULL, 0, {oscillator_lanes, oscillator_lanes}, oscillator_lanes_loop},
+    {"quartic", NULL, 0, {quartic_lanes, quartic_lanes}, quartic_lanes_loop},
+    {"coupled-oscillators", NULL, 0, {coupled_lanes, coupled_lanes}, coupled_lanes_loop},
+    {"pendulum-chain",
+     "lagrangian",
+     1,
+     {pendulum_lie_lanes, pendulum_ambient_lanes},
+     pendulum_ambient_lanes_loop},
+    {"pendulum-chain", "lagrangian", 0, {lagrangian_lie_lanes, lagrangian_ambient_lanes}, NULL},
+    {"pendulum-chain", "hamiltonian", 0, {hamiltonian_lie_lanes, hamiltonian_ambient_lanes}, NULL},
+    {"rigid-body", NULL, 0, {momentum_lanes, momentum_ambient_lanes}, momentum_ambient_lanes_loop},
+    {"rigid-body-attitude", NULL, 0, {attitude_lanes, attitude_ambient_lanes}, NULL},
+    {"heavy-top", "cotangent", 0, {cotangent_lanes, cotangent_ambient_lanes}, NULL},
+    {"heavy-top", "direct", 0, {direct_lanes, direct_ambient_lanes}, NULL},
+    {"heavy-top", "lie-poisson", 0, {poisson_lanes, poisson_ambient_lanes}, NULL},
+    {"heavy-top", "quadratic", 0, {quadratic_lanes, quadratic_ambient_lanes}, NULL},
 };
 
 static const lane_entry *entry_of(const lg_lane_plan *plan) {
     for (size_t i = 0; i < LG_COUNT(entries); i++)
-        if (entries[i].system == plan->system && (entries[i].links == 0 || entries[i].links == plan->links))
+        if (strcmp(entries[i].name, plan->name) == 0 &&
+            (entries[i].form == NULL || strcmp(entries[i].form, plan->form) == 0) &&
+            (entries[i].links == 0 || entries[i].links == plan->links))
             return &entries[i];
     return NULL;
+}
+
+static bool knows(const lg_lane_plan *plan) {
+    return entry_of(plan) != NULL;
 }
 
 static size_t memory(const lg_lane_plan *plan, size_t room) {
@@ -186,7 +165,7 @@ static void run(const lg_lane_plan *plan, const lg_lane_block *block) {
     const bool flat = plan->ambient || lg_space_is_abelian(&plan->space);
     lane_run r[GROUPS] = {{.field = entry->field[plan->ambient]}};
     lane_prepare(r, plan, block);
-    if (plan->scheme->kind == LG_SCHEME_COMMUTATOR_FREE)
+    if (plan->run.scheme->kind == LG_SCHEME_COMMUTATOR_FREE)
         free_loop(r);
     else if (!flat)
         rkmk_loop(r);
@@ -201,4 +180,4 @@ static void run(const lg_lane_plan *plan, const lg_lane_block *block) {
 #define TABLE        PASTE(lg_lanes_, LG_KERNEL_ISA)
 
 extern const lg_lane_table TABLE;
-const lg_lane_table TABLE = {.lanes = LANES, .memory = memory, .run = run};
+const lg_lane_table TABLE = {.lanes = LANES, .knows = knows, .memory = memory, .run = run};

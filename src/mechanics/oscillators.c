@@ -41,16 +41,12 @@ static lg_status oscillator_step(void *user, double t, double h, double *y) {
     return LG_OK;
 }
 
-static lg_status oscillator_taped_force(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var q,
-                                        lg_var input, lg_var parameters, lg_var *out) {
-    *out = lg_neg(tape, q);
-    return lg_tape_status(tape);
+static lg_var oscillator_taped_force(lg_tape *tape, lg_var q, lg_var parameters) {
+    return lg_neg(tape, q);
 }
 
-static lg_status identity_velocity(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var p,
-                                   lg_var input, lg_var parameters, lg_var *out) {
-    *out = p;
-    return lg_tape_status(tape);
+static lg_var identity_velocity(lg_tape *tape, lg_var p, lg_var parameters) {
+    return p;
 }
 
 #define SEPARABLE .parameters = no_parameters, .structure = LG_STRUCTURE_HAMILTONIAN
@@ -63,7 +59,6 @@ const lg_system_row lg_system_row_oscillator = {
     .force = oscillator_force,
     .velocity = oscillator_velocity,
     .step = oscillator_step,
-    .lanes = LG_LANES_OSCILLATOR,
     .taped_force = oscillator_taped_force,
     .taped_velocity = identity_velocity,
     SEPARABLE,
@@ -80,17 +75,13 @@ static double quartic_energy(const lg_system *system, size_t index, const double
 HALF(quartic_force)
 HALF(quartic_velocity)
 
-static lg_status quartic_taped_force(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var q,
-                                     lg_var input, lg_var parameters, lg_var *out) {
-    *out = lg_neg(tape, lg_mul(tape, q, lg_add_scalar(tape, lg_square(tape, q), 1.0)));
-    return lg_tape_status(tape);
+static lg_var quartic_taped_force(lg_tape *tape, lg_var q, lg_var parameters) {
+    return lg_neg(tape, lg_mul(tape, q, lg_add_scalar(tape, lg_square(tape, q), 1.0)));
 }
 
-static lg_status quartic_taped_velocity(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var p,
-                                        lg_var input, lg_var parameters, lg_var *out) {
+static lg_var quartic_taped_velocity(lg_tape *tape, lg_var p, lg_var parameters) {
     static const double inverse_mass[4] = {5.0, -1.0, -1.0, 5.0};
-    *out = lg_matmul(tape, p, lg_input_f64(tape, lg_shape2(2, 2), inverse_mass));
-    return lg_tape_status(tape);
+    return lg_matmul(tape, p, lg_input_f64(tape, lg_shape2(2, 2), inverse_mass));
 }
 
 const lg_system_row lg_system_row_quartic = {
@@ -101,7 +92,6 @@ const lg_system_row lg_system_row_quartic = {
     .invariant = quartic_energy,
     .force = quartic_force,
     .velocity = quartic_velocity,
-    .lanes = LG_LANES_QUARTIC,
     .taped_force = quartic_taped_force,
     .taped_velocity = quartic_taped_velocity,
     SEPARABLE,
@@ -117,12 +107,10 @@ static double coupled_invariant(const lg_system *system, size_t index, const dou
 HALF(coupled_force)
 HALF(coupled_velocity)
 
-static lg_status coupled_taped_force(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var q,
-                                     lg_var input, lg_var parameters, lg_var *out) {
+static lg_var coupled_taped_force(lg_tape *tape, lg_var q, lg_var parameters) {
     static const double second[2] = {0.0, 1.0};
     lg_var cubic = lg_mul(tape, lg_input_f64(tape, lg_shape1(2), second), lg_square(tape, q));
-    *out = lg_neg(tape, lg_mul(tape, q, lg_add_scalar(tape, cubic, 1.0)));
-    return lg_tape_status(tape);
+    return lg_neg(tape, lg_mul(tape, q, lg_add_scalar(tape, cubic, 1.0)));
 }
 
 static const char *const coupled_invariants[] = {"energy", "G", NULL};
@@ -135,7 +123,6 @@ const lg_system_row lg_system_row_coupled = {
     .invariant = coupled_invariant,
     .force = coupled_force,
     .velocity = coupled_velocity,
-    .lanes = LG_LANES_COUPLED,
     .taped_force = coupled_taped_force,
     .taped_velocity = identity_velocity,
     SEPARABLE,

@@ -28,6 +28,7 @@
 
 #include <float.h>
 
+#include "mechanics/engine.h"
 #include "mechanics/fields/scalars.h"
 
 #include "mechanics/fields/plain.inc"
@@ -64,13 +65,12 @@ static const lg_parameter_entry parameters[] = {
     {.key = NULL},
 };
 
-static const double position_fallback[3] = {-2.0, 0.0, 0.0}, zero[3] = {0.0, 0.0, 0.0},
-                    identity[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
+static const double position_fallback[3] = {-2.0, 0.0, 0.0}, zero[3] = {0.0, 0.0, 0.0};
 
 static const lg_state_entry state[] = {
     {"y", 1, 1, 3, POSITION, 3, position_fallback},
     {"v", 1, 1, 3, VELOCITY, 3, zero},
-    {"R", 2, 3, 3, QUADROTOR, QUADROTOR_SIZE, identity},
+    {"R", 2, 3, 3, QUADROTOR, QUADROTOR_SIZE, lg_row_attitude},
     {"Omega", 2, 1, 3, QUADROTOR + RATE, QUADROTOR_SIZE, zero},
     {"q", 2, 1, 3, LINK, LINK_SIZE, NULL},
     {"omega", 2, 1, 3, LINK + 3, LINK_SIZE, zero},

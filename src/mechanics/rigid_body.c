@@ -20,7 +20,6 @@
 #include "mechanics/fields/rotations.inc"
 
 static const double inertia_fallback[3] = {1.0, 2.0, 3.0};
-static const double identity[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
 
 static const lg_parameter_entry parameters[] = {
     {"inertia", "I", 3, LG_PARAMETER_POSITIVE, inertia_fallback, "principal moments of inertia, kg m^2"},
@@ -48,15 +47,13 @@ const lg_system_row lg_system_row_rigid_body = {
     .invariants = momentum_invariants,
     .invariant = momentum_invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,
-    .field = {momentum_field, NULL},
-    .lanes = LG_LANES_RIGID_BODY,
-    .taped = lg_momentum_taped,
+    LG_FIELDS(momentum),
 };
 
 /* ---- attitude ---- */
 
 static const lg_state_entry attitude_state[] = {
-    {"R", 1, 3, 3, ATTITUDE, 9, identity},
+    {"R", 1, 3, 3, ATTITUDE, 9, lg_row_attitude},
     {"pi", 1, 1, 3, MOMENTUM, 3, NULL},
     {.key = NULL},
 };
@@ -79,9 +76,7 @@ const lg_system_row lg_system_row_attitude = {
     .invariants = attitude_invariants,
     .invariant = attitude_invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,
-    .field = {attitude_field, NULL},
-    .lanes = LG_LANES_ATTITUDE,
-    .taped = lg_attitude_taped,
+    LG_FIELDS(attitude),
 };
 
 /* ---- the row: M = diag(I) ---- */

@@ -19,6 +19,7 @@
 
 #include <float.h>
 
+#include "mechanics/engine.h"
 #include "mechanics/fields/scalars.h"
 
 #include "mechanics/fields/plain.inc"
@@ -29,8 +30,7 @@
 
 static const double inertia_fallback[3] = {1.0, 1.4, 0.8}, mass_fallback = 0.3, length_fallback = 0.7,
                     pivot_fallback[3] = {0.2, 0.0, 0.5}, stiffness_fallback = 1.0,
-                    axis_fallback[3] = {0.0, 0.0, 1.0},
-                    identity[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
+                    axis_fallback[3] = {0.0, 0.0, 1.0};
 
 static const lg_parameter_entry parameters[] = {
     {"inertia", "I", 3, LG_PARAMETER_POSITIVE, inertia_fallback, "principal moments of inertia, kg m^2"},
@@ -43,7 +43,7 @@ static const lg_parameter_entry parameters[] = {
 };
 
 static const lg_state_entry state[] = {
-    {"R", 1, 3, 3, ATTITUDE, 9, identity},
+    {"R", 1, 3, 3, ATTITUDE, 9, lg_row_attitude},
     {"pi", 1, 1, 3, MOMENTUM, 3, NULL},
     {"q", 1, 1, 3, DIRECTION, 3, NULL},
     {"p", 1, 1, 3, PENDULUM, 3, NULL},
@@ -78,6 +78,5 @@ const lg_system_row lg_system_row_satellite = {
     .invariants = invariants,
     .invariant = invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,
-    .field = {satellite_field, NULL},
-    .taped = lg_satellite_taped,
+    LG_FIELDS(satellite),
 };

@@ -494,17 +494,14 @@ lg_status lg_system_ode(const lg_system *system, lg_coordinates coordinates, lg_
 
 /* ---- fields on a tape ---- */
 
-static lg_status taped_force(void *user, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
-                             lg_var *out) {
-    const lg_system_taped_user *own = user;
-    return own->system->row->taped_force(own->system, tape, t, q, input, own->parameters, out);
-}
-
-static lg_status taped_velocity(void *user, lg_tape *tape, lg_taped_time t, lg_var p, lg_var input,
-                                lg_var *out) {
-    const lg_system_taped_user *own = user;
-    return own->system->row->taped_velocity(own->system, tape, t, p, input, own->parameters, out);
-}
+#define TAPED_HALF(name)                                                                                     \
+    static lg_status name(void *user, lg_tape *tape, lg_taped_time t, lg_var x, lg_var input, lg_var *out) { \
+        const lg_system_taped_user *own = user;                                                              \
+        *out = own->system->row->name(tape, x, own->parameters);                                             \
+        return lg_tape_status(tape);                                                                         \
+    }
+TAPED_HALF(taped_force)
+TAPED_HALF(taped_velocity)
 
 static lg_status taped_field(void *user, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                              lg_var *algebra) {

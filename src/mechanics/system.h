@@ -8,7 +8,6 @@
 #define LG_SYSTEM_H
 
 #include "core/core.h"
-#include "integrators/lanes.h"
 #include "liegrad/mechanics.h"
 #include "liegrad/taped.h"
 
@@ -51,7 +50,6 @@ typedef struct lg_system_row {
     double (*generating)(const lg_system *system, const double *y, double *work);
     /* Index: lg_coordinates; user: lg_system_user. If AMBIENT is NULL, the generator of LIE is used. */
     lg_vector_field field[2];
-    lg_lane_system lanes; /* the same fields on lanes; LG_LANES_NONE: not available */
     /* Off the manifold field[AMBIENT] differs from the generator of field[LIE]; it has no taped form. */
     bool extended;
     /* Separable systems on R^2n have these instead of `field`: y' = (velocity(p), force(q)), y = (q, p). */
@@ -61,11 +59,9 @@ typedef struct lg_system_row {
      * the order of the table. Differentiable to any order in both, unless the row's file says otherwise. */
     lg_status (*taped)(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                        lg_var parameters, lg_var *algebra);
-    /* Force and velocity on a tape, which separable systems have instead of `taped`. */
-    lg_status (*taped_force)(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var q, lg_var input,
-                             lg_var parameters, lg_var *out);
-    lg_status (*taped_velocity)(const lg_system *system, lg_tape *tape, lg_taped_time t, lg_var p,
-                                lg_var input, lg_var parameters, lg_var *out);
+    /* Force and velocity on a tape for halves (B, n), which separable systems have instead of `taped`. */
+    lg_var (*taped_force)(lg_tape *tape, lg_var q, lg_var parameters);
+    lg_var (*taped_velocity)(lg_tape *tape, lg_var p, lg_var parameters);
 } lg_system_row;
 
 /* The arrays follow in the same block of memory. */
@@ -120,7 +116,8 @@ extern const lg_system_row lg_system_row_satellite, lg_system_row_quadrotors;
 #define LG_DECLARE_TAPED(name) LG_TAPED_FIELD(name);
 LG_TAPED_FIELDS(LG_DECLARE_TAPED)
 
-/* The plain field NAME_field of NAME_of in fields/NAME.inc. */
+/* The plain field NAME_field of NAME_of in fields/NAME.inc; members of a row. */
+#define LG_FIELDS(name) .field = {name##_field, NULL}, .taped = lg_##name##_taped
 #define LG_PLAIN_FIELD(name)                                                                                 \
     static lg_status name##_field(void *user, double t, const double *y, const double *input, double *out) { \
         name##_of(&(field_at){((const lg_system_user *)user)->system->parameters, y, out, t});               \

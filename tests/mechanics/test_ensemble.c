@@ -570,9 +570,9 @@ TEST("a block whose memory no size_t counts is refused: there is no memory for i
 TEST("rows of one member are rejected if a size_t cannot hold their bytes") {
     const lg_system *system = make_chain("lagrangian", 1, 9.81, NULL, NULL);
     for (size_t less = 0; less < 8; less++) {
-        const lg_lane_plan plan = {.scheme = lg_scheme_find("rkmk54"),
-                                   .space = *lg_system_space(system),
-                                   .count = SIZE_MAX / lg_system_dim(system) - less};
+        const lg_lane_plan plan = {
+            .run = {.scheme = lg_scheme_find("rkmk54"), .count = SIZE_MAX / lg_system_dim(system) - less},
+            .space = *lg_system_space(system)};
         lg_one_by_one one = {0};
         assert_status(lg_one_by_one_begin(NULL, &plan, system, &one), LG_OUT_OF_MEMORY);
         lg_one_by_one_end(&one);
