@@ -261,9 +261,9 @@ typedef struct bulk {
     double low, high, far;
 } bulk;
 
-/* How many of the n sorted values at one end (step 1: x[0], x[1], ...; step -1: x[0], x[-1], ...) do not count
- * for the range: 1/OUTSIDE of them, or all that are equal, up to a fifth, and far from the others: marks of
- * missing values, such as -9999. */
+/* How many of the n sorted values at one end (step 1: x[0], x[1], ...; step -1: x[0], x[-1], ...) do not
+ * count for the range: 1/OUTSIDE of them, or all that are equal, up to a fifth, and far from the others:
+ * marks of missing values, such as -9999. */
 static size_t outside_at(const double *x, ptrdiff_t step, size_t n) {
     const size_t few = n / OUTSIDE > LONGEST ? n / OUTSIDE : LONGEST;
     size_t equal = 0;
