@@ -1,5 +1,5 @@
 # scripts/golden.txt has a command of every program and verb, and one with --plot if it draws, but for the lines
-# "# no row: PROGRAM VERB - reason" (regular expressions), of the executable under its own name, of every word of the options below, system, kind of
+# "# no row: PROGRAM VERB [--plot] - reason" (regular expressions), of the executable under its own name, of every word of the options below, system, kind of
 # coordinate, term, potential, hold and controller as the programs list them, and of every family of Hamiltonians.
 # ctest-labels: apps/ src/machine/ src/hamiltonian/ src/mechanics/ scripts/golden.txt
 # shellcheck disable=SC2086 # words are split on purpose
@@ -15,17 +15,23 @@ verbs() { "$LG_BIN_DIR/$1" --help | awk '/^Commands:/ { on = 1; next } on && /^$
 # need PATTERN WHAT: a row has the pattern.
 need() { grep -Eq -- "$1" <<<"$rows" || { echo "scripts/golden.txt: there is no row of $2"; status=1; }; }
 
-# draws COMMAND: a row of it draws a plot, if it can.
-draws() { "$LG_BIN_DIR/"$1 --help-all 2>&1 | grep -q -- ' --plot=' && need "(^|[ ;(])$1 .*--plot " "$1 --plot"; }
+# left_out COMMAND: a line says why it has no row.
+left_out() {
+    local pattern
+    while read -r pattern; do [[ $1 =~ ^$pattern$ ]] && return; done < <(sed -nE 's/^# no row: (.*) - .+/\1/p' "$list")
+    return 1
+}
+
+# check COMMAND: it has a row, and one that draws a plot, if it can.
+check() {
+    left_out "$1" && return
+    need "(^|[ ;(])$1( |\$)" "$1"
+    "$LG_BIN_DIR/"$1 --help-all 2>&1 | grep -q -- ' --plot=' && ! left_out "$1 --plot" && need "(^|[ ;(])$1 .*--plot " "$1 --plot"
+}
 
 for program in $(cd "$LG_BIN_DIR" && echo lg-*); do
-    need "(^|[ ;(])$program " "$program"
-    draws "$program"
-    for verb in $(verbs "$program"); do
-        left=$(sed -nE 's/^# no row: (.*) - .+/\1/p' "$list" | while read -r pattern; do [[ "$program $verb" =~ ^$pattern$ ]] && echo out; done)
-        [ -n "$left" ] || need "(^|[ ;(])$program $verb( |\$)" "$program $verb"
-        [ -n "$left" ] || draws "$program $verb"
-    done
+    check "$program"
+    for verb in $(verbs "$program"); do check "$program $verb"; done
 done
 
 need '(^|[ ;(])liegrad lg-' 'liegrad PROGRAM'
