@@ -54,7 +54,7 @@ lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error) {
 static lg_status missing_column(lg_frame *f, const char *name, lg_error *error) {
     lg_name_list have = {.used = 0};
     for (uint32_t i = 0; i < f->columns; i++) lg_name_list_add(&have, lg_csv_quote(f->name[i]).text);
-    if (f->columns == 1 && f->note.used == 0 && strpbrk(f->name[0], " |:") != NULL)
+    if (f->columns == 1 && strcmp(f->place, "line") == 0 && strpbrk(f->name[0], " |") != NULL)
         lg_name_list_add(&f->note, "separate names and cells by commas, semicolons or tabs");
     return lg_frame_fail(f, 0, NULL, error, "there is no column '%s'; the columns are: %s%s%s", name,
                          lg_tamed(have.text), f->note.used > 0 ? "; " : "", lg_tamed(f->note.text));

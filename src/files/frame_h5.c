@@ -13,7 +13,7 @@ typedef struct source {
     lg_h5_about about;
     uint32_t first, columns, axis; /* axis: the one along which the rows lie */
     bool matlab;                   /* MATLAB wrote it, with its dimensions in reverse order */
-    double fill;                   /* netCDF: the number that stands for a missing value; NaN: none */
+    double fill[2];                /* netCDF: numbers that stand for a missing value; NaN: none */
 } source;
 
 enum { MOST_SOURCES = 4096 };
@@ -131,8 +131,8 @@ static const char *look(const h5_file *h, const char *name, source *s, lg_error 
     if (strlen(name) >= sizeof s->name) return "has a name of more than 63 bytes";
     if (lg_h5_look(h->h5, name, sizeof(double), &s->about, error) != LG_OK)
         return strrchr(error->message, ':') + 2;
-    if (lg_h5_number(h->h5, name, "_FillValue", LG_ELEMENT_F64, &s->fill, NULL) != LG_OK)
-        (void)lg_h5_number(h->h5, name, "missing_value", LG_ELEMENT_F64, &s->fill, NULL);
+    (void)lg_h5_number(h->h5, name, "_FillValue", LG_ELEMENT_F64, &s->fill[0], NULL);
+    (void)lg_h5_number(h->h5, name, "missing_value", LG_ELEMENT_F64, &s->fill[1], NULL);
     if (s->about.rank < 1) return wanted ? "is a single number or text" : "";
     (void)lg_h5_text(h->h5, name, "MATLAB_class", class, sizeof class, NULL);
     if (strcmp(class, "char") == 0) return "is a char array of MATLAB: write numbers, or a list of texts";
@@ -145,7 +145,7 @@ static const char *look(const h5_file *h, const char *name, source *s, lg_error 
 /* Adds the data set behind one link of the root. */
 static herr_t add_source(hid_t group, const char *name, const H5L_info_t *info, void *user) {
     h5_file *h = user;
-    source s = {.columns = 1, .fill = NAN};
+    source s = {.columns = 1, .fill = {NAN, NAN}};
     lg_error error = {LG_OK, ""};
     (void)snprintf(s.name, sizeof s.name, "%s", name);
     const char *why = look(h, name, &s, &error);
@@ -238,7 +238,7 @@ static bool is_fill(const source *s, char type, const double *number) {
     int64_t whole;
     memcpy(&whole, number, sizeof whole);
     const double value = type == 'i' ? (double)whole : type == 'u' ? (double)(uint64_t)whole : *number;
-    return value == s->fill;
+    return value == s->fill[0] || value == s->fill[1];
 }
 
 static lg_status put_numbers(lg_frame *f, const source *s, const double *values, size_t row, size_t rows,

@@ -168,7 +168,8 @@ static lg_status open_set(lg_h5 *h5, const char *name, size_t bytes, lg_dataset 
         return lg_dataset_error(h5, name, "is not a data set; write an array under this name", error);
     if (!is_local(d->set))
         return lg_dataset_error(h5, name, "keeps its data in another file; write them into this one", error);
-    if (lg_attribute_exists(h5, name, "scale_factor") || lg_attribute_exists(h5, name, "add_offset"))
+    if (H5Aexists_by_name(h5->file, name, "scale_factor", h5->links) > 0 ||
+        H5Aexists_by_name(h5->file, name, "add_offset", h5->links) > 0)
         return lg_dataset_error(h5, name, "is packed (scale_factor, add_offset); write the values themselves",
                                 error);
     d->type = H5Dget_type(d->set);

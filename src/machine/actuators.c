@@ -26,7 +26,7 @@ static lg_var chosen(lg_tape *tape, const lg_machine *machine, const lg_machine_
     uint32_t at[LG_MACHINE_INPUTS];
     inputs_of(term, at);
     if (is_all(at, term->of_count, machine->input_count)) return u;
-    return lg_matmul_nt(tape, u, lg_machine_record_places(tape, at, term->of_count, machine->input_count));
+    return lg_matmul_nt(tape, u, lg_machine_record_selection(tape, at, term->of_count, machine->input_count));
 }
 
 /* u with `change` (B, of_count) added to the term's inputs. */
@@ -35,8 +35,8 @@ static lg_var changed(lg_tape *tape, const lg_machine *machine, const lg_machine
     uint32_t at[LG_MACHINE_INPUTS];
     inputs_of(term, at);
     if (!is_all(at, term->of_count, machine->input_count))
-        change =
-            lg_matmul(tape, change, lg_machine_record_places(tape, at, term->of_count, machine->input_count));
+        change = lg_matmul(tape, change,
+                           lg_machine_record_selection(tape, at, term->of_count, machine->input_count));
     return lg_add(tape, u, change);
 }
 
@@ -235,7 +235,7 @@ lg_var lg_machine_record_lag(lg_tape *tape, const lg_machine_vars *vars) {
         if (is_all(at, term->of_count, machine->lags)) return own;
         for (uint32_t o = 0; o < term->kind->order; o++) {
             const lg_var placed =
-                lg_matmul(tape, own, lg_machine_record_places(tape, at, term->of_count, machine->lags));
+                lg_matmul(tape, own, lg_machine_record_selection(tape, at, term->of_count, machine->lags));
             sum = lg_is_none(sum) ? placed : lg_add(tape, sum, placed);
             for (uint32_t k = 0; k < term->of_count; k++) at[k]++;
         }

@@ -45,7 +45,7 @@ static lg_var record(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, 
     const uint32_t n = machine->positions + machine->velocities;
     uint32_t columns[LG_MACHINE_FEATURES * 6];
     const uint32_t count = columns_of(machine, &machine->terms[term], columns);
-    const lg_var place = lg_machine_record_places(tape, columns, count, n);
+    const lg_var place = lg_machine_record_selection(tape, columns, count, n);
     return lg_matmul(tape, lg_reshape(tape, vars->theta[term], lg_shape2(1, count)), place);
 }
 

@@ -65,7 +65,7 @@ typedef struct lg_chain {
     uint32_t point;          /* of the windows, from 0 on */
     double *z, *next;        /* (count, numbers): z of the current and of the next points */
     double *dz;              /* (count, numbers): gradient with respect to z */
-    double *A;               /* (count, d, d): dF/dz */
+    double *A;               /* (count, d, d): dF/dz; of accelerations (count, velocities, d): dG/dz */
     double *apart;           /* (count, shared): gradient with respect to theta for each window */
     double *S, *moved;       /* (count, d, columns): S of the current and of the next points */
     /* Where accelerations are measured: those of the current points, (count, velocities), and their rows of

@@ -186,7 +186,7 @@ void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *
     fits[1] = (size_t)machine->velocities * machine->velocities;
 }
 
-lg_var lg_machine_record_places(lg_tape *tape, const uint32_t *at, uint32_t count, uint32_t columns) {
+lg_var lg_machine_record_selection(lg_tape *tape, const uint32_t *at, uint32_t count, uint32_t columns) {
     void *memory;
     const lg_var out = lg_input_buffer(tape, lg_shape2(count, columns), &memory);
     if (lg_is_none(out)) return out;
@@ -203,7 +203,7 @@ static lg_var selection(lg_tape *tape, uint32_t n) {
         at[i] = i * n + i;
         for (uint32_t j = 0; j < i; j++) at[k++] = i * n + j;
     }
-    return lg_machine_record_places(tape, at, k, n * n);
+    return lg_machine_record_selection(tape, at, k, n * n);
 }
 
 lg_var lg_machine_record_triangle(lg_tape *tape, lg_var packed, uint32_t n, bool positive) {

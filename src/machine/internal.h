@@ -313,7 +313,7 @@ void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *
  * packed numbers. */
 lg_var lg_machine_record_triangle(lg_tape *tape, lg_var packed, uint32_t n, bool positive);
 /* The matrix (count, columns) with a 1 in row i, column at[i]. */
-lg_var lg_machine_record_places(lg_tape *tape, const uint32_t *at, uint32_t count, uint32_t columns);
+lg_var lg_machine_record_selection(lg_tape *tape, const uint32_t *at, uint32_t count, uint32_t columns);
 /* Columns first .. first + count - 1 of x (B, n); returns x itself if these are all columns. */
 lg_var lg_machine_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t count);
 

@@ -16,23 +16,6 @@ const lg_parameter_entry lg_chain_parameters[] = {
 
 const char *const lg_chain_invariants[] = {"energy", "vertical-angular-momentum", NULL};
 
-void lg_chain_constants(const lg_chain *c) {
-    double mu = 0.0;
-    for (size_t i = c->links; i-- > 0;) {
-        const double m = c->mass[i], length = c->length[i];
-        const double above = i > 0 ? 1.0 / c->mass[i - 1] : 0.0;
-        mu += m;
-        c->light[i] = 1.0 / m;
-        c->diagonal[i] = 1.0 / m + above;
-        c->curvature[i] = 1.0 / length;
-        c->mu[i] = mu;
-        c->weight[i] = mu * c->gravity * length;
-        c->m_inverse[i] = 1.0 / (mu * length * length);
-        c->w[i] = (1.0 / m + above) / (length * length);
-        c->w_next[i] = i + 1 < c->links ? -1.0 / (m * length * c->length[i + 1]) : 0.0;
-    }
-}
-
 void lg_chain_prepare(lg_system *system, double *constants) {
     const lg_chain c = lg_chain_of(system);
     lg_chain_constants(&c);

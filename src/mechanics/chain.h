@@ -23,7 +23,22 @@ static inline lg_chain lg_chain_of(const lg_system *system) {
 }
 
 /* Writes the constants of the view from its parameters. */
-void lg_chain_constants(const lg_chain *c);
+static inline void lg_chain_constants(const lg_chain *c) {
+    double mu = 0.0;
+    for (size_t i = c->links; i-- > 0;) {
+        const double m = c->mass[i], length = c->length[i];
+        const double above = i > 0 ? 1.0 / c->mass[i - 1] : 0.0;
+        mu += m;
+        c->light[i] = 1.0 / m;
+        c->diagonal[i] = 1.0 / m + above;
+        c->curvature[i] = 1.0 / length;
+        c->mu[i] = mu;
+        c->weight[i] = mu * c->gravity * length;
+        c->m_inverse[i] = 1.0 / (mu * length * length);
+        c->w[i] = (1.0 / m + above) / (length * length);
+        c->w_next[i] = i + 1 < c->links ? -1.0 / (m * length * c->length[i + 1]) : 0.0;
+    }
+}
 
 /* Members that the rows of both forms have in common. */
 void lg_chain_prepare(lg_system *system, double *constants);

@@ -1,8 +1,8 @@
 /* The adjoint of the Lagrangian chain's field (see lg_system_ode), written by hand. With W as in
  * mechanics/chain.h and r = g/L_1, the field of one row of the batch is computed as follows:
  *
- *   S mu = u,  S_ii = W_ii,  S_{i,i+1} = W_{i,i+1} q_i.q_{i+1},  u_i = |omega_i|^2 - [i = 1] r q_1z
- *   x_i = q_i'' = -[i = 1] r e3 - sum_j W_ij mu_j q_j,  v_i = q_i (q_i.x_i) - x_i
+ *   T lambda = b,  T_ii = W_ii,  T_{i,i+1} = W_{i,i+1} q_i.q_{i+1},  b_i = |omega_i|^2 - [i = 1] r q_1z
+ *   x_i = q_i'' = -[i = 1] r e3 - sum_j W_ij lambda_j q_j,  v_i = q_i (q_i.x_i) - x_i
  */
 #include "mechanics/chain_derivatives.h"
 
@@ -18,8 +18,8 @@ typedef struct row {
     lg_chain chain;
     size_t k;
     double rate, *parameters;
-    double *q, *omega, *pull, *x; /* (k, 3); pull_i = mu_i q_i */
-    double *mu, *pivot, *l;       /* k each; S = L D L^T with pivots D and l below the diagonal of L */
+    double *q, *omega, *pull, *x; /* (k, 3); pull_i = lambda_i q_i */
+    double *lambda, *pivot, *l;   /* k each; T = L D L^T with pivots D and l below the diagonal of L */
     double *rest;                 /* scratch for the derivatives */
 } row;
 
@@ -45,7 +45,7 @@ static row open_batch(const lg_chain_batch *batch, const void *const *in, size_t
     row r = {.chain = chain_view(k, parameters, at), .k = k, .parameters = parameters};
     at += CHAIN_CONSTANTS * k;
     r.q = at, r.omega = at + 3 * k, r.pull = at + 6 * k, r.x = at + 9 * k;
-    r.mu = at + 12 * k, r.pivot = at + 13 * k, r.l = at + 14 * k;
+    r.lambda = at + 12 * k, r.pivot = at + 13 * k, r.l = at + 14 * k;
     r.rest = at + ROW * k;
     lg_chain_constants(&r.chain);
     r.rate = r.chain.gravity * r.chain.curvature[0];
@@ -59,12 +59,12 @@ static void load(const lg_chain_batch *batch, const void *const *in, size_t b, c
     for (size_t i = 0; i < k; i++) {
         r->pivot[i] = r->chain.w[i];
         r->l[i] = i + 1 < k ? r->chain.w_next[i] * lg_dot3(r->q + 3 * i, r->q + 3 * i + 3) : 0.0;
-        r->mu[i] = lg_dot3(r->omega + 3 * i, r->omega + 3 * i);
+        r->lambda[i] = lg_dot3(r->omega + 3 * i, r->omega + 3 * i);
     }
-    r->mu[0] -= r->rate * r->q[2];
-    tridiagonal_factor_of(k, r->pivot, r->l);
-    tridiagonal_solve_of(k, r->pivot, r->l, r->mu, r->mu);
-    for (size_t i = 0; i < n; i++) r->pull[i] = r->mu[i / 3] * r->q[i];
+    r->lambda[0] -= r->rate * r->q[2];
+    tridiagonal_factor_of(k, false, r->pivot, r->l); /* as the field: off the manifold T may be indefinite */
+    tridiagonal_solve_of(k, r->pivot, r->l, r->lambda, r->lambda);
+    for (size_t i = 0; i < n; i++) r->pull[i] = r->lambda[i / 3] * r->q[i];
     apply_w_of(&r->chain, r->pull, 3, r->x);
     for (size_t i = 0; i < n; i++) r->x[i] = -r->x[i];
     r->x[2] -= r->rate;
@@ -85,17 +85,17 @@ void lg_chain_batch_value(const lg_chain_batch *batch, const void *const *in, vo
 
 /* ---- the adjoint ---- */
 
-/* Cotangents: of v (given), q and x, (k, 3); of omega where W x was; of mu, then of u, (k); summed over all
- * rows: of W, 1/m, r and the parameters. */
+/* Cotangents: of v (given), q and x, (k, 3); of omega where W x was; of lambda, then of b, (k); summed over
+ * all rows: of W, 1/m, r and the parameters. */
 typedef struct adjoint {
     double *g, *q, *x, *omega;
-    double *u, *w, *w_next, *light;
+    double *b, *w, *w_next, *light;
     double rate, *parameters;
 } adjoint;
 
-/* Sweeps from v back to x, and from x to mu, q and W. */
+/* Sweeps from v back to x, and from x to lambda, q and W. */
 static void adjoint_of_acceleration(const row *r, adjoint *d) {
-    const double *mu = r->mu;
+    const double *lambda = r->lambda;
     double *wx = d->omega;
     for (size_t i = 0; i < r->k; i++) {
         const double *q = r->q + 3 * i, *x = r->x + 3 * i, *g = d->g + 3 * i;
@@ -109,24 +109,24 @@ static void adjoint_of_acceleration(const row *r, adjoint *d) {
     apply_w_of(&r->chain, d->x, 3, wx);
     for (size_t i = 0; i < r->k; i++) {
         const double *x = d->x + 3 * i, *pull = r->pull + 3 * i;
-        d->u[i] = -lg_dot3(r->q + 3 * i, wx + 3 * i);
-        for (size_t c = 0; c < 3; c++) d->q[3 * i + c] -= mu[i] * wx[3 * i + c];
+        d->b[i] = -lg_dot3(r->q + 3 * i, wx + 3 * i);
+        for (size_t c = 0; c < 3; c++) d->q[3 * i + c] -= lambda[i] * wx[3 * i + c];
         d->w[i] -= lg_dot3(x, pull);
         if (i + 1 < r->k) d->w_next[i] -= lg_dot3(x, pull + 3) + lg_dot3(x + 3, pull);
     }
 }
 
-/* Sweeps from mu back to S and u through S mu = u: with y = S^-1 mu_bar, u_bar = y and S_bar = -y mu^T.
- * S_{i,i+1} stands in S twice, so its cotangent is the sum of both entries of S_bar. */
+/* Sweeps from lambda back to T and b through T lambda = b: with y = T^-1 lambda_bar, b_bar = y and
+ * T_bar = -y lambda^T. T_{i,i+1} stands in T twice, so its cotangent is the sum of both entries of T_bar. */
 static void adjoint_of_solve(const row *r, adjoint *d) {
-    const double *mu = r->mu, *y = d->u;
-    tridiagonal_solve_of(r->k, r->pivot, r->l, d->u, d->u);
+    const double *lambda = r->lambda, *y = d->b;
+    tridiagonal_solve_of(r->k, r->pivot, r->l, d->b, d->b);
     for (size_t i = 0; i < r->k; i++) {
         const double *q = r->q + 3 * i;
         for (size_t c = 0; c < 3; c++) d->omega[3 * i + c] = 2.0 * y[i] * r->omega[3 * i + c];
-        d->w[i] -= y[i] * mu[i];
+        d->w[i] -= y[i] * lambda[i];
         if (i + 1 == r->k) break;
-        const double next = -(y[i] * mu[i + 1] + y[i + 1] * mu[i]), e = next * r->chain.w_next[i];
+        const double next = -(y[i] * lambda[i + 1] + y[i + 1] * lambda[i]), e = next * r->chain.w_next[i];
         d->w_next[i] += next * lg_dot3(q, q + 3);
         for (size_t c = 0; c < 3; c++) {
             d->q[3 * i + c] += e * q[3 + c];
@@ -164,8 +164,8 @@ void lg_chain_batch_adjoint(const lg_chain_batch *batch, const void *const *in, 
     const row r = open_batch(batch, in, &rows);
     const size_t k = r.k, n = 3 * k;
     adjoint d = {
-        .g = r.rest, .q = r.rest + n, .x = r.rest + 2 * n, .omega = r.rest + 3 * n, .u = r.rest + 4 * n};
-    d.w = d.u + k, d.w_next = d.w + k, d.light = d.w_next + k, d.parameters = d.light + k;
+        .g = r.rest, .q = r.rest + n, .x = r.rest + 2 * n, .omega = r.rest + 3 * n, .b = r.rest + 4 * n};
+    d.w = d.b + k, d.w_next = d.w + k, d.light = d.w_next + k, d.parameters = d.light + k;
     memset(d.w, 0, (3 * k + parameters_of(k)) * sizeof(double));
     for (size_t b = 0; b < rows; b++) {
         load(batch, in, b, &r);

@@ -108,7 +108,7 @@ static lg_status rattle(const lg_chain *chain, step_work *w) {
         w->upper[i] = i + 1 < k ? chain->w_next[i] * lg_dot3(q, q + 3) : 0.0;
         w->r[i] = lg_dot3(q, w->v + 3 * i);
     }
-    tridiagonal_factor_of(k, w->diagonal, w->upper);
+    tridiagonal_factor_of(k, true, w->diagonal, w->upper);
     if (isnan(w->diagonal[k - 1])) return LG_NOT_FINITE;
     tridiagonal_solve_of(k, w->diagonal, w->upper, w->r, w->r);
     subtract_forces(chain, 1.0, w->r, w->q, 3, w->v);

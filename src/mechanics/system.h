@@ -116,12 +116,13 @@ extern const lg_system_row lg_system_row_satellite, lg_system_row_quadrotors;
 #define LG_DECLARE_TAPED(name) LG_TAPED_FIELD(name);
 LG_TAPED_FIELDS(LG_DECLARE_TAPED)
 
-/* The plain field NAME_field of NAME_of in fields/NAME.inc; members of a row. */
-#define LG_FIELDS(name) .field = {name##_field, NULL}, .taped = lg_##name##_taped
+/* The plain field NAME_field of NAME_of in fields/NAME.inc. */
 #define LG_PLAIN_FIELD(name)                                                                                 \
     static lg_status name##_field(void *user, double t, const double *y, const double *input, double *out) { \
         name##_of(&(field_at){((const lg_system_user *)user)->system->parameters, y, out, t});               \
         return LG_OK;                                                                                        \
     }
+/* The members of a row with both fields. */
+#define LG_FIELDS(name) .field = {name##_field, NULL}, .taped = lg_##name##_taped
 
 #endif
