@@ -438,12 +438,13 @@ static void read_feed(watching *self, sample_reader *reader, float *sample) {
     if (self->last_read > 0 && self->malformed_in_row > 1)
         app_warn(self->app, "after line %llu no line could be read: %llu lines are malformed; the last: %s",
                  (unsigned long long)self->last_read, (unsigned long long)self->malformed_in_row,
-                 reader->problem);
+                 reader->problem.message);
     if ((t->malformed > 0 && read == 0) || (reader->layout == LAYOUT_UNKNOWN && reader->line > 0))
         app_stop(self->app, LG_FILE, "%s: no line holds %u numbers, or %u with a time in seconds%s%s",
                  feed_name(), reader->channels, reader->channels + 1,
-                 reader->problem[0] != '\0' ? "; the last line that could not be read: " : "",
-                 reader->problem);
+                 reader->problem.message[0] != '\0' ? "; the last line that could not be read: " : "",
+                 reader->problem.message);
+    if (reader->line == 0) app_warn(self->app, "%s: is empty: no sample came", feed_name());
     if (self->timing.follow && 2 * t->repeated > rows)
         app_stop(self->app, LG_FILE,
                  "%s: %llu of %llu lines are left out, because their times do not go beyond earlier ones",
