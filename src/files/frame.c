@@ -22,32 +22,16 @@ lg_status lg_frame_no_memory(const lg_frame *f, lg_error *error) {
     return lg_no_memory_for(f->shown, error);
 }
 
-static lg_status fail_list(const lg_frame *f, size_t number, const char *column, lg_error *error,
-                           const char *format, va_list arguments) {
+lg_status lg_frame_fail_at(const lg_frame *f, size_t number, const char *column, lg_error *error,
+                           const char *format, ...) {
     char text[sizeof error->message], line[32] = "";
+    va_list arguments;
+    va_start(arguments, format);
     (void)lg_format_list(text, sizeof text, format, arguments);
+    va_end(arguments);
     if (number > 0) (void)snprintf(line, sizeof line, "%s %zu: ", f->place, number);
     return lg_fail(error, LG_FORMAT, "%s: %s%s%s%s%s", f->shown, line, column != NULL ? "column " : "",
                    column != NULL ? column : "", column != NULL ? ": " : "", text);
-}
-
-lg_status lg_frame_fail_at(const lg_frame *f, size_t number, const char *column, lg_error *error,
-                           const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    const lg_status status = fail_list(f, number, column, error, format, arguments);
-    va_end(arguments);
-    return status;
-}
-
-lg_status lg_frame_fail(const lg_frame *f, size_t row, const char *column, lg_error *error,
-                        const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    const lg_status status =
-        fail_list(f, column != NULL ? f->line[row] : f->header, column, error, format, arguments);
-    va_end(arguments);
-    return status;
 }
 
 /* ---- names and wanted columns ---- */

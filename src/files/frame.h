@@ -131,13 +131,16 @@ lg_status lg_frame_open(lg_frame *f, lg_error *error);
 /* Reads up to `most` rows. f->rows becomes their number, 0 at the end of the file. */
 lg_status lg_frame_next(lg_frame *f, size_t most, lg_error *error);
 void lg_frame_close(lg_frame *f);
-/* Fails with LG_FORMAT and the message "FILE: line 7: column x: ...". column NULL: about the line of the
- * names. */
-lg_status lg_frame_fail(const lg_frame *f, size_t row, const char *column, lg_error *error,
-                        const char *format, ...) __attribute__((format(printf, 5, 6)));
-/* The same about a line or row by its number; 0: about the file. column NULL: about the whole line. */
+/* Fails with LG_FORMAT and the message "FILE: line 7: column x: ...". `number` is that of the line or row; 0:
+ * about the file. column NULL: about the whole line. */
 lg_status lg_frame_fail_at(const lg_frame *f, size_t number, const char *column, lg_error *error,
                            const char *format, ...) __attribute__((format(printf, 5, 6)));
+static inline size_t lg_frame_line(const lg_frame *f, size_t row, const char *column) {
+    return column != NULL ? f->line[row] : f->header;
+}
+/* The same about a row of the block. column NULL: about the line of the names. */
+#define lg_frame_fail(f, row, column, ...)                                                                   \
+    lg_frame_fail_at(f, lg_frame_line(f, row, column), column, __VA_ARGS__)
 static inline const char *lg_frame_text_of(const lg_frame *f, size_t row, const lg_frame_want *want) {
     return want->there ? f->text[row * f->texts + want->first] : "";
 }
