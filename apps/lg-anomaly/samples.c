@@ -115,8 +115,10 @@ static bool read_cell(sample_reader *reader, const char *cell, uint32_t place, l
     if (lg_frame_read_cell(f, reader->csv.number, name, clock, cell, &reader->field[place], problem) == LG_OK)
         return true;
     if (place > 0) return false;
+    lg_moment now;
+    const char *end = lg_moment_scan(cell, &now);
     reader->untimed = reader->guessed && reader->clock.format == LG_TIME_NONE;
-    if (reader->lines < 2) reader->clock = (lg_clock){.format = LG_TIME_NONE};
+    if (reader->lines < 2 && end != NULL && *end == '\0') reader->clock = (lg_clock){.format = LG_TIME_NONE};
     return reader->untimed;
 }
 

@@ -432,6 +432,10 @@ TEST("times may be dates or times of day; a first line that begins within a date
             assert_says(result.err, "line 2: '2024-02-29T23:59:00.2' is a date without an offset, but line 1 "
                                     "has a time of day: write all times in one format");
     }
+    begin(); /* a line of words behind the first sample does not change where the clock begins */
+    for (int i = 0; i < 40; i++)
+        add("%s2024-03-01T00:00:0%d.%d,0.1,0.2\n", i == 1 ? "restart\n" : "", i / 5, i % 5 * 2);
+    watch("", "malformed 1, received 40, absent 0, repeated 0");
 }
 
 TEST("a single wrong time costs only its own line; repeated ones are a jump of the clock") {
