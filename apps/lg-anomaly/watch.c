@@ -530,7 +530,8 @@ const app_command anomaly_watch_command = {
     .summary = "Score a feed of samples window by window, in fixed memory",
     .details =
         "A line of the feed is a sample: one number for each channel of the model, separated by commas, "
-        "semicolons, tabs or blanks, the same in all lines. A first column of seconds is optional; the first lines show whether there is "
+        "semicolons, tabs or blanks, the same in all lines. A first column of seconds is optional; the first "
+        "lines show whether there is "
         "one. Later lines with another number of columns are malformed. Blank lines, lines of names and "
         "comments (#) are skipped. Names of the model's channels say which column is which, also in a later "
         "line; a feed that lacks one of them is rejected, and columns with other names are left out. Empty "
