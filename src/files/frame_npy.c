@@ -89,7 +89,7 @@ static lg_status parse_shape(const lg_frame *f, npy *n, lg_error *error) {
     size_t rank = 0;
     n->fortran = order != NULL && strncmp(order, "True", 4) == 0;
     if (order == NULL || (!n->fortran && strncmp(order, "False", 5) != 0) || shape == NULL || *shape != '(')
-        return fail(f, "has no order or no shape in its header: save it again with numpy.save", error);
+        return fail(f, "has no shape or no order in its header: save it again with numpy.save", error);
     const size_t length = strcspn(shape, ")");
     for (char *at = shape + 1, *end = at; *at != ')' && *at != '\0'; at = end + strspn(end, ", ")) {
         const unsigned long long value = strtoull(at, &end, 10);

@@ -387,7 +387,7 @@ TEST("a message about a bad file says what was found and what to do") {
         {NPY("'<f2'"), "x", "b1; convert with a.astype('f8')"},
         {NPY("'xf8'"), "x", "values of type 'xf8'; the types"},
         {BYTES("\x93NUMPY\1\0\x34\0{'descr': '<f8', 'fortran_order': 1, 'shape': (2,)}\n"), "x",
-         "has no order or no shape in its header: save it again with numpy.save"},
+         "has no shape or no order in its header: save it again with numpy.save"},
         {NPY("'<M8[ns]'"), "x", "values of type '<M8[ns]'; the types"},
         {NPY("[('t', '<f8'), ('x', '<f8')]"), "x",
          "records of type [('t', '<f8'), ('x', '<f8')]; save their"},
