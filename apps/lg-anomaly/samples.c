@@ -34,21 +34,24 @@ void sample_reader_open(int file, const char *name, uint32_t channels, lg_frame_
                         sample_reader *out) {
     const size_t wanted = ((size_t)channels + 1) * LONGEST_FIELD;
     *out = (sample_reader){.channels = channels, .names = names};
+    out->place = app_alloc(channels, sizeof *out->place);
     out->field = app_alloc((size_t)channels + 1, sizeof *out->field);
     out->want = app_alloc(channels, sizeof *out->want);
-    for (uint32_t c = 0; c < channels; c++)
+    for (uint32_t c = 0; c < channels; c++) {
+        out->place[c] = c;
         out->want[c] = (lg_frame_want){.name = names != NULL ? names[c] : "", .optional = true};
+    }
     if (lg_csv_open_feed(NULL, file, name, wanted > LONGEST ? wanted : LONGEST, wait_for_data, out, &out->csv,
                          &out->error) != LG_OK)
         app_out_of_memory();
-    out->frame = (lg_frame){.shown = out->csv.shown, .place = "line", .feed = true};
+    out->frame = (lg_frame){.shown = out->csv.shown, .place = "line", .want = out->want, .wants = channels};
 }
 
 void sample_reader_close(sample_reader *reader) {
     for (uint32_t i = 0; i < reader->looked; i++) free(reader->ahead[i].text);
+    free(reader->place);
     free(reader->field);
     free(reader->want);
-    free(reader->copy);
     lg_frame_close(&reader->frame);
     lg_csv_close(&reader->csv);
     *reader = (sample_reader){.channels = 0};
@@ -56,108 +59,125 @@ void sample_reader_close(sample_reader *reader) {
 
 /* ---- cells ---- */
 
-enum { LEFT_OUT = UINT32_MAX };
-
-/* Returns where the number of a cell goes in `field`: 0 is the time. A first line without names may have a
- * time. */
-static uint32_t place_of(const sample_reader *reader, uint32_t column) {
-    const lg_frame *f = &reader->frame;
-    if (f->columns == 0) return column + (reader->layout == LAYOUT_VALUES);
-    if (column + 1 == reader->time) return 0;
-    return column >= f->columns            ? reader->channels + 1
-           : lg_frame_is_wanted(f, column) ? (uint32_t)f->use[column].value
-                                           : LEFT_OUT;
+/* Tabs are blanks, unless they separate the names. */
+static bool is_blank(const sample_reader *reader, char c) {
+    return c == ' ' || c == '\r' || (c == '\t' && reader->csv.separator != '\t');
+}
+static bool separates(const sample_reader *reader, char c) {
+    return c == ',' || c == ';' || (c == '\t' && !is_blank(reader, c));
+}
+static bool ends_field(const sample_reader *reader, char c) {
+    return separates(reader, c) || c == '#' || c == '\0' || is_blank(reader, c);
+}
+static char *skip_blanks(const sample_reader *reader, char *p) {
+    while (is_blank(reader, *p)) p++;
+    return p;
 }
 
-/* Returns the number of cells that a line should have. */
-static uint32_t cells_of(const sample_reader *reader) {
-    const uint32_t names = reader->frame.columns;
-    return names > 0 ? names : reader->channels + (reader->layout == LAYOUT_TIMED);
-}
-
-/* Whether the line has as many cells as it should have, or an empty one more at its end. */
-static bool has_all_cells(const sample_reader *reader) {
-    const uint32_t wanted = cells_of(reader), more = reader->cells - wanted;
-    const bool unknown = reader->frame.columns == 0 && reader->layout == LAYOUT_UNKNOWN;
-    return reader->cells >= wanted && (more == 0 || (more == 1 && (reader->open || unknown)));
-}
-
-/* A comma may be a decimal one, a semicolon is in no number. */
-static char separator_of(const sample_reader *reader, const char *line) {
-    return strchr(line, ';') != NULL ? ';' : strchr(line, ',') != NULL ? ',' : reader->tabs ? '\t' : ' ';
-}
-
-static const char *skip_blanks(const sample_reader *reader, const char *line) {
-    while (*line == ' ' || *line == '\r' || (*line == '\t' && reader->csv.separator != '\t')) line++;
-    return line;
-}
-
-/* Returns a copy of the line that can be divided into its cells. */
-static char *copy_line(sample_reader *reader, const char *line) {
-    const size_t bytes = strlen(line) + 1;
-    if (bytes > reader->room) {
-        free(reader->copy);
-        reader->room = 2 * bytes;
-        reader->copy = app_alloc(reader->room, 1);
+/* Returns the end of a word that stands for a missing number, such as nan, or NULL. */
+static const char *scan_word(const sample_reader *reader, const char *p) {
+    static const char *const words[] = {LG_MISSING_WORDS, "none", "inf", "infinity"};
+    p += *p == '-' || *p == '+';
+    for (size_t i = 0; i < LG_COUNT(words); i++) {
+        const size_t length = strlen(words[i]);
+        if (strncasecmp(p, words[i], length) == 0 && ends_field(reader, p[length])) return p + length;
     }
-    (void)memcpy(reader->copy, line, bytes);
-    reader->frame.blanks = reader->csv.separator == ' ';
-    if (reader->frame.blanks) lg_csv_join_blanks(reader->copy, ' ');
-    return reader->copy;
+    return NULL;
 }
 
-/* Reads a number or a time. The first time decides the format of times; if the first sample has a damaged
- * one, the next one does. If only its place makes the column one of times, the cell may be no time. */
-static bool read_cell(sample_reader *reader, const char *cell, uint32_t place, lg_error *problem) {
-    const lg_frame *f = &reader->frame;
-    const char *name = f->columns > 0 ? f->name[reader->cells] : NULL;
-    lg_clock *clock = place == 0 ? &reader->clock : NULL;
-    if (lg_frame_read_cell(f, reader->csv.number, name, clock, cell, &reader->field[place], problem) == LG_OK)
-        return true;
-    if (place > 0) return false;
-    lg_moment now;
-    const char *end = lg_moment_scan(cell, &now);
-    reader->untimed = reader->guessed && reader->clock.format == LG_TIME_NONE;
-    if (reader->lines < 2 && end != NULL && *end == '\0') reader->clock = (lg_clock){.format = LG_TIME_NONE};
-    return reader->untimed;
+/* Returns the end of a cell. A cell that begins with a quote ends behind the closing quote: separators
+ * between the quotes belong to the cell, and two quotes stand for one. */
+static char *cell_end(const sample_reader *reader, char *at) {
+    const char separator = reader->csv.separator;
+    bool quoted = *at == '"';
+    for (at += quoted; quoted && *at != '\0'; at++) {
+        if (*at != '"') continue;
+        quoted = at[1] == '"';
+        at += quoted;
+    }
+    while (*at != '\0' && (separator == ' ' ? !is_blank(reader, *at) : *at != separator)) at++;
+    return at;
 }
 
-/* Reads the numbers of a line into `field`. False: a cell is no number, as `problem` says. */
-static bool read_cells(sample_reader *reader, const char *line) {
-    char *at = copy_line(reader, line), *cell;
-    bool good = true, begins = false;
-    lg_csv *csv = &reader->csv;
-    reader->cells = 0;
+/* ---- parsing a line ---- */
+
+static bool is_left_out(const sample_reader *reader, uint32_t column) {
+    return column < reader->frame.columns && column + 1 != reader->time &&
+           !lg_frame_is_wanted(&reader->frame, column);
+}
+
+/* Whether the next cell may be a time: it is in the column of times or, without names, the first one. */
+static bool is_timed(const sample_reader *reader, uint32_t column) {
+    return reader->frame.columns > 0 ? column + 1 == reader->time
+                                     : column == 0 && reader->layout != LAYOUT_VALUES;
+}
+
+/* If the first sample has a damaged time, the next one decides the format. */
+static double read_time(sample_reader *reader, lg_moment now) {
+    const double value = lg_clock_read(&reader->clock, now);
+    if (isnan(value) && reader->lines < 2) reader->clock = (lg_clock){.format = LG_TIME_NONE};
+    return value;
+}
+
+/* False: the line has more fields than any layout. */
+static bool add_field(sample_reader *reader, double value) {
+    if (reader->fields <= reader->channels) reader->field[reader->fields] = value;
+    reader->fields++;
+    return reader->fields <= reader->channels + 1;
+}
+
+static bool reject_word(sample_reader *reader, const char *word) {
+    int n = 0;
+    while (!ends_field(reader, word[n]) && n < 23) n++;
+    (void)snprintf(reader->problem, sizeof reader->problem, "'%.*s' is not a number", n, word);
     reader->words = true;
-    reader->open = reader->untimed = false;
-    for (; at != NULL; reader->cells++) {
-        const uint32_t place = place_of(reader, reader->cells);
-        const bool number = place > 0 || reader->clock.format == LG_TIME_SECONDS;
-        if (number && place <= reader->channels && lg_csv_number(csv, &at, &reader->field[place])) {
-            reader->words = reader->open = false;
-            continue;
-        }
-        lg_error *problem = good ? &reader->problem : NULL;
-        const bool whole = lg_csv_cell(csv, &at, &cell, problem) == LG_OK;
-        char *sign = whole && place != LEFT_OUT ? strchr(cell, '#') : NULL;
-        if (sign != NULL) {
-            while (sign > cell && (sign[-1] == ' ' || sign[-1] == '\t')) sign--;
-            *sign = '\0';
-            at = NULL;
-            if (csv->separator == ' ' && sign == cell) break;
-        }
-        reader->open = *cell == '\0';
-        if (whole && place > reader->channels) continue;
-        if (place <= reader->channels) reader->words = false;
-        if (!whole || !read_cell(reader, cell, place, problem)) {
-            if (good) begins = isdigit((unsigned char)cell[strspn(cell, "+-.")]);
-            good = false;
-        }
-        if (!whole) break;
+    return false;
+}
+
+/* Reads the number or time at p, which may be in quotes. Returns the end of the cell, or NULL. */
+static const char *scan_number(sample_reader *reader, const char *p, bool timed, double *value) {
+    lg_moment now;
+    const bool quoted = *p == '"';
+    p += quoted;
+    const char *next = timed ? lg_moment_scan(p, &now) : lg_decimal(p, value);
+    bool ends = next != NULL && (quoted ? *next == '"' : ends_field(reader, *next));
+    if (timed && ends) *value = read_time(reader, now);
+    if (!ends) {
+        next = quoted && *p == '"' ? p : scan_word(reader, p);
+        *value = (double)NAN;
+        ends = next != NULL && (!quoted || *next == '"');
     }
-    reader->damaged = !good && begins && has_all_cells(reader);
-    reader->words = reader->words || !good;
-    return good;
+    return ends ? next + quoted : NULL;
+}
+
+/* Stores the numbers of a line in `field` and their count in `fields`; *open: the line ends with a separator.
+ * False: the line holds something else, described in `problem`. */
+static bool split_line(sample_reader *reader, char *p, bool *open) {
+    char separator = '\0';
+    reader->fields = 0;
+    reader->words = *open = false;
+    for (uint32_t column = 0; *p != '\0'; column++) {
+        const bool skipped = is_left_out(reader, column);
+        if (*p == '#' && !skipped) break;
+        *open = false;
+        if (skipped) {
+            p = skip_blanks(reader, cell_end(reader, p));
+        } else {
+            double value = (double)NAN;
+            if (!separates(reader, *p)) {
+                const char *next = scan_number(reader, p, is_timed(reader, column), &value);
+                if (next == NULL) return reject_word(reader, p);
+                p = skip_blanks(reader, p + (next - p));
+            }
+            if (!add_field(reader, value)) return true;
+        }
+        if (!separates(reader, *p)) continue;
+        if (separator != '\0' && *p != separator) return reject_word(reader, p);
+        separator = *p;
+        *open = true;
+        p = skip_blanks(reader, p + 1);
+    }
+    return true;
 }
 
 void sample_leave_times(sample_reader *reader) {
@@ -166,59 +186,68 @@ void sample_leave_times(sample_reader *reader) {
     reader->layout = LAYOUT_VALUES;
 }
 
+/* The same. If only its place makes the first column one of times, and it has no time before something that
+ * is no number, the column is left out. */
+static bool read_line(sample_reader *reader, char *p, bool *open) {
+    if (split_line(reader, p, open)) return true;
+    if (!reader->guessed || reader->clock.format != LG_TIME_NONE) return false;
+    reader->time = 0;
+    if (!split_line(reader, p, open)) {
+        reader->time = 1;
+        return false;
+    }
+    lg_name_list_add(&reader->extra, reader->frame.name[0]);
+    sample_leave_times(reader);
+    return true;
+}
+
 static sample_kind reject_count(sample_reader *reader) {
-    const uint32_t c = reader->channels, cells = reader->cells - reader->open, wanted = cells_of(reader);
-    const bool names = reader->frame.columns > 0, unknown = !names && reader->layout == LAYOUT_UNKNOWN;
-    char more[32] = "";
-    if (unknown) (void)snprintf(more, sizeof more, ", or %u with a time", c + 1);
-    (void)lg_frame_fail_at(
-        &reader->frame, reader->csv.number, NULL, &reader->problem, "%u %s%s, not %u%s%s", cells,
-        names ? "cell" : "number", cells == 1 ? "" : "s", wanted,
-        reader->layout == LAYOUT_TIMED ? " with the time" : more,
-        reader->csv.separator == ',' && cells > wanted + unknown ? "; write decimals with a point" : "");
+    const uint32_t c = reader->channels, timed = reader->layout == LAYOUT_TIMED;
+    const bool more = reader->fields > c + 1;
+    char wanted[64];
+    if (reader->layout == LAYOUT_UNKNOWN)
+        (void)snprintf(wanted, sizeof wanted, "%u, or %u with a time", c, c + 1);
+    else
+        (void)snprintf(wanted, sizeof wanted, "%u%s", c + timed, timed != 0 ? " with the time" : "");
+    (void)snprintf(reader->problem, sizeof reader->problem, "%s%u number%s, not %s", more ? "more than " : "",
+                   more ? c + 1 : reader->fields, reader->fields == 1 ? "" : "s", wanted);
     return SAMPLE_MALFORMED;
 }
 
-/* The layout that fits the line's number of cells. */
+/* The layout that fits the line's number of fields. */
 static sample_layout layout_of(const sample_reader *reader) {
-    const uint32_t c = reader->channels, fields = reader->cells - reader->open;
-    if (fields == c) return LAYOUT_VALUES;
-    return fields == c + 1 && isfinite(reader->field[0]) ? LAYOUT_TIMED : LAYOUT_UNKNOWN;
-}
-
-/* Returns whether the cells fit the layout. If the layout is still unknown, sets it from the cells. */
-static bool fits_layout(sample_reader *reader) {
     const uint32_t c = reader->channels;
-    if (reader->layout == LAYOUT_UNKNOWN) {
-        reader->layout = layout_of(reader);
-        if (reader->layout == LAYOUT_UNKNOWN) return false;
-        if (reader->layout == LAYOUT_VALUES) memmove(reader->field + 1, reader->field, c * sizeof(double));
-    }
-    return has_all_cells(reader);
+    if (reader->fields == c) return LAYOUT_VALUES;
+    return reader->fields == c + 1 && isfinite(reader->field[0]) ? LAYOUT_TIMED : LAYOUT_UNKNOWN;
 }
 
-static sample_kind take_line(sample_reader *reader, const sample_line *line, const char *p, float *sample,
+/* Returns whether the fields fit the layout. If the layout is still unknown, sets it from the fields. */
+static bool fits_layout(sample_reader *reader, bool open) {
+    if (reader->layout == LAYOUT_UNKNOWN) reader->layout = layout_of(reader);
+    if (reader->layout == LAYOUT_UNKNOWN) return false;
+    const uint32_t wanted = reader->channels + (reader->layout == LAYOUT_TIMED);
+    if (open && reader->fields + 1 == wanted) (void)add_field(reader, (double)NAN);
+    return reader->fields == wanted;
+}
+
+static sample_kind take_line(sample_reader *reader, const sample_line *line, char *p, float *sample,
                              double *time) {
-    if (!read_cells(reader, p)) return SAMPLE_MALFORMED;
-    if (!fits_layout(reader)) return reject_count(reader);
-    if (reader->untimed) {
-        lg_name_list_add(&reader->extra, reader->frame.name[0]);
-        sample_leave_times(reader);
-    }
-    const bool timed = reader->layout == LAYOUT_TIMED;
+    bool open;
+    if (!read_line(reader, p, &open)) return SAMPLE_MALFORMED;
+    if (!fits_layout(reader, open)) return reject_count(reader);
+    const uint32_t timed = reader->layout == LAYOUT_TIMED;
     /* the line's last number may be cut if it ends exactly at the end of the file */
-    const bool cut = !line->closed && reader->lines > 0 && strchr(",; \t", p[strlen(p) - 1]) == NULL &&
-                     strchr(p, '#') == NULL;
+    const bool cut =
+        !line->closed && reader->lines > 0 && !ends_field(reader, p[strlen(p) - 1]) && strchr(p, '#') == NULL;
     *time = timed ? reader->field[0] : (double)NAN;
     for (uint32_t c = 0; c < reader->channels; c++) {
-        const double value = reader->field[1 + c];
+        const double value = reader->field[reader->place[c] + timed];
         sample[c] = !cut && fabs(value) <= (double)FLT_MAX ? (float)value : NAN;
     }
-    reader->separated = true;
     if (!cut && !(timed && !isfinite(*time))) return SAMPLE_READ;
-    (void)lg_frame_fail_at(&reader->frame, line->number, NULL, &reader->problem, "%s",
-                           cut ? "the last line has no line end, so its last number may be cut"
-                               : "the time is not a number");
+    (void)snprintf(reader->problem, sizeof reader->problem, "%s",
+                   cut ? "the last line has no line end, so its last number may be cut"
+                       : "the time is not a number");
     return SAMPLE_MALFORMED;
 }
 
@@ -228,7 +257,7 @@ static sample_kind take_line(sample_reader *reader, const sample_line *line, con
 static bool is_header(sample_reader *reader, const char *line) {
     uint64_t hash = UINT64_C(0xcbf29ce484222325); /* FNV-1a, without blanks at the end */
     const char *end = line + strlen(line);
-    while (end > line && strchr(" \t\r", end[-1]) != NULL) end--;
+    while (end > line && is_blank(reader, end[-1])) end--;
     for (; line < end; line++) hash = (hash ^ (unsigned char)*line) * UINT64_C(0x100000001b3);
     for (uint32_t i = 0; i < reader->headers; i++)
         if (reader->header[i] == hash) return true;
@@ -248,28 +277,29 @@ static bool is_time(const char *name) {
     return false;
 }
 
+/* Returns the number of cells that a line should have. */
+static uint32_t cells_of(const sample_reader *reader) {
+    const uint32_t names = reader->frame.columns;
+    return names > 0 ? names : reader->channels + (reader->layout == LAYOUT_TIMED);
+}
+
 /* Reads the names of a line. If it has no separators, blanks separate them. */
-static lg_frame read_names(sample_reader *reader, const char *line, char *separator) {
-    lg_frame read = {.shown = reader->csv.shown,
-                     .place = "line",
-                     .feed = true,
-                     .header = (size_t)reader->line,
-                     .want = reader->want,
-                     .wants = reader->channels};
+static lg_frame read_names(sample_reader *reader, const char *line) {
+    lg_frame read = {.shown = reader->csv.shown, .place = "line", .header = (size_t)reader->line};
     APP_FREE char *text = app_format("%s", line);
-    lg_csv csv = {.shown = read.shown, .separator = lg_csv_separator(text, ' ')};
+    lg_csv *csv = &reader->csv;
     char *at = text, *cell;
-    if (csv.separator == ' ') lg_csv_join_blanks(text, ' ');
-    while (at != NULL && lg_csv_cell(&csv, &at, &cell, NULL) == LG_OK && (at != NULL || *cell != '\0'))
+    csv->separator = lg_csv_separator(text, ' ');
+    if (csv->separator == ' ') lg_csv_join_blanks(text, ' ');
+    while (at != NULL && lg_csv_cell(csv, &at, &cell, NULL) == LG_OK && (at != NULL || *cell != '\0'))
         if (lg_frame_add_name(&read, cell, NULL) != LG_OK) break;
-    *separator = csv.separator;
     return read;
 }
 
 /* Finds the channels and the times among the columns, and lists the names of the others. */
 static lg_status find_columns(sample_reader *reader) {
     lg_frame *f = &reader->frame;
-    bool behind = false;
+    uint32_t numbers = 0;
     reader->time = 0;
     reader->guessed = false;
     reader->clock = (lg_clock){.format = LG_TIME_NONE};
@@ -280,8 +310,8 @@ static lg_status find_columns(sample_reader *reader) {
     for (uint32_t i = 0; i < f->columns; i++) {
         const bool times = is_time(f->name[i]);
         if (f->use[i].value > 0) {
-            behind = true;
-        } else if (reader->time == 0 && !behind &&
+            reader->place[f->use[i].value - 1] = numbers++;
+        } else if (reader->time == 0 && numbers == 0 &&
                    (times || (i == 0 && f->columns == reader->channels + 1))) {
             reader->time = i + 1;
             reader->guessed = !times;
@@ -294,7 +324,8 @@ static lg_status find_columns(sample_reader *reader) {
             lg_name_list_add(&reader->extra, f->name[i]);
         }
     }
-    reader->layout = reader->time > 0 ? LAYOUT_TIMED : LAYOUT_VALUES;
+    if (reader->extra.used > 0 || reader->renamed)
+        reader->layout = reader->time > 0 ? LAYOUT_TIMED : LAYOUT_VALUES;
     return LG_OK;
 }
 
@@ -309,13 +340,15 @@ static bool same_names(const lg_frame *a, const lg_frame *b) {
  * only some of the channels, or names one twice. Later lines fail so only if lines have as many cells and the
  * line was not before the first sample (known). A comment, as numpy.savetxt writes it, is a comment only,
  * unless it names all channels. */
-static lg_status take_names(sample_reader *reader, const char *line, bool comment, bool known) {
+static lg_status take_names(sample_reader *reader, char *line, bool comment, bool known) {
     lg_frame *f = &reader->frame;
-    char separator;
+    const char separator = reader->csv.separator;
     uint32_t found = 0;
     if (reader->names == NULL) return LG_OK;
     line = skip_blanks(reader, line);
-    lg_frame now = read_names(reader, line + (comment && (*line == ',' || *line == ';')), &separator);
+    lg_frame now = read_names(reader, line + (comment && (*line == ',' || *line == ';')));
+    now.want = reader->want;
+    now.wants = reader->channels;
     const bool first = reader->lines == 0 && f->columns == 0, same = same_names(&now, f),
                strict = !comment && (first || (!known && now.columns == cells_of(reader)));
     const lg_status status = lg_frame_find(&now, strict ? &reader->error : NULL);
@@ -324,12 +357,12 @@ static lg_status take_names(sample_reader *reader, const char *line, bool commen
         lg_frame_close(f);
         *f = now;
         reader->renamed = !first;
-        reader->separated = separator != ' ';
-        reader->csv.separator = separator;
         return status != LG_OK ? status : find_columns(reader);
     }
-    if (same) f->header = now.header;
-    if (same && separator != ' ') reader->csv.separator = separator;
+    if (same)
+        f->header = now.header;
+    else
+        reader->csv.separator = separator;
     if (first && !comment) reader->unnamed = now.columns - reader->channels < 2;
     lg_frame_close(&now);
     return LG_OK;
@@ -342,30 +375,28 @@ static bool read_file_line(sample_reader *reader, sample_line *out) {
     bool more = false;
     const lg_status status = lg_csv_next(&reader->csv, &more, &reader->error);
     if (status == LG_OUT_OF_MEMORY) app_out_of_memory();
-    *out = (sample_line){reader->csv.line, reader->csv.number, reader->csv.closed, reader->csv.cut,
-                         reader->csv.wrong};
+    *out = (sample_line){reader->csv.line, reader->csv.number, reader->csv.closed, reader->csv.cut};
     return status == LG_OK && more;
 }
 
 /* Counts the vote of one more line. `names`: the layout that the line of names suggests; *first: that of the
  * first line of numbers. Returns true if the layout is now decided. */
-static bool elect(sample_reader *reader, const char *line, uint32_t votes[3], sample_layout *names,
+static bool elect(sample_reader *reader, char *line, uint32_t votes[3], sample_layout *names,
                   sample_layout *first) {
-    char separator;
+    bool open;
     sample_layout vote = LAYOUT_UNKNOWN;
     if (*line == '\0' || lg_csv_comment(line) > 0) return false;
-    if (read_cells(reader, line)) {
+    if (split_line(reader, line, &open)) {
         vote = layout_of(reader);
-        if (reader->open && vote == LAYOUT_VALUES && *names == LAYOUT_TIMED) vote = LAYOUT_TIMED;
+        if (open && vote == LAYOUT_VALUES && *names == LAYOUT_TIMED) vote = LAYOUT_TIMED;
         if (*first == LAYOUT_UNKNOWN) *first = vote;
-    } else if (!reader->damaged && *first == LAYOUT_UNKNOWN && *names == LAYOUT_UNKNOWN) {
-        lg_frame read = read_names(reader, line, &separator);
+    } else if (reader->words && *first == LAYOUT_UNKNOWN && *names == LAYOUT_UNKNOWN) {
+        lg_frame read = read_names(reader, line);
         const uint32_t count = read.columns;
         lg_frame_close(&read);
         vote = *names = count == reader->channels       ? LAYOUT_VALUES
                         : count == reader->channels + 1 ? LAYOUT_TIMED
                                                         : LAYOUT_UNKNOWN;
-        reader->tabs = separator == '\t';
     }
     return vote != LAYOUT_UNKNOWN && ++votes[vote] == LAYOUT_VOTES;
 }
@@ -380,9 +411,7 @@ static void look_ahead(sample_reader *reader) {
         if (!read_file_line(reader, line)) break;
         line->text = app_format("%s", line->text);
         reader->looked++;
-        reader->csv.separator = separator_of(reader, line->text);
-        decided = !line->cut && line->wrong == NULL &&
-                  elect(reader, skip_blanks(reader, line->text), votes, &names, &first);
+        decided = !line->cut && elect(reader, skip_blanks(reader, line->text), votes, &names, &first);
     }
     reader->clock = (lg_clock){.format = LG_TIME_NONE};
     /* A line of names alone does not decide. */
@@ -392,23 +421,11 @@ static void look_ahead(sample_reader *reader) {
                                                                   : first;
 }
 
-/* A line of bytes that is no text, or not complete, is skipped if it begins as a comment. */
-static bool is_text(sample_reader *reader, const sample_line *line) {
-    if (line->wrong == NULL && !line->cut) return true;
-    char longer[64];
-    (void)snprintf(longer, sizeof longer, "longer than %zu bytes", reader->csv.longest);
-    (void)lg_frame_fail_at(&reader->frame, line->number, NULL, &reader->problem, "%s",
-                           line->wrong != NULL ? line->wrong : longer);
-    return false;
-}
-
-/* Files that hold numbers and are no feeds. */
-static lg_status check_kind(sample_reader *reader, const char *line) {
-    const bool h5 = strncmp(line, "\x89HDF", 4) == 0;
-    if (!h5 && strncmp(line, "\x93NUMPY", 6) != 0) return LG_OK;
-    return lg_fail(&reader->error, LG_FORMAT,
-                   "%s: is %s, but a feed is text, one sample a line: write it as CSV", reader->csv.shown,
-                   h5 ? "HDF5" : "an array of numpy (.npy)");
+static bool hides_row(const sample_reader *reader, const char *line) {
+    const lg_csv as = {.separator =
+                           reader->frame.columns > 0 ? reader->csv.separator : lg_csv_separator(line, ' '),
+                       .cells = cells_of(reader)};
+    return reader->lines > 0 && lg_csv_hides_row(&as, line);
 }
 
 sample_kind sample_next(sample_reader *reader, float *sample, double *time) {
@@ -416,30 +433,28 @@ sample_kind sample_next(sample_reader *reader, float *sample, double *time) {
     if (reader->looked == 0) look_ahead(reader);
     while (reader->given < reader->looked || read_file_line(reader, &line)) {
         if (reader->given < reader->looked) line = reader->ahead[reader->given++];
+        char *text = skip_blanks(reader, line.text);
         *time = (double)NAN;
-        reader->line = reader->csv.number = line.number;
-        if (line.number == 1 && check_kind(reader, line.text) != LG_OK) break;
-        if (!reader->separated) reader->csv.separator = separator_of(reader, line.text);
-        const char *text = skip_blanks(reader, line.text);
+        reader->line = line.number;
+        if (line.cut) {
+            reader->lines++;
+            (void)snprintf(reader->problem, sizeof reader->problem, "longer than %zu bytes",
+                           reader->csv.longest);
+            return SAMPLE_MALFORMED;
+        }
         const size_t sign = lg_csv_comment(text);
-        if (*text == '\0') continue;
-        if (!is_text(reader, &line) && sign == 0) {
-            reader->lines++;
-            return SAMPLE_MALFORMED;
-        }
         if (sign > 0 && take_names(reader, text + sign, true, false) != LG_OK) break;
-        reader->csv.cells = cells_of(reader);
-        if (sign > 0 && reader->lines > 0 && lg_csv_hides_row(&reader->csv, copy_line(reader, text))) {
+        if (sign > 0 && hides_row(reader, text)) {
             reader->lines++;
-            (void)lg_frame_fail_at(&reader->frame, line.number, NULL, &reader->problem,
-                                   "begins as a comment, but has as many cells as a row");
+            (void)snprintf(reader->problem, sizeof reader->problem,
+                           "begins as a comment, but has as many cells as a row");
             return SAMPLE_MALFORMED;
         }
-        if (sign > 0) continue;
+        if (sign > 0 || *text == '\0') continue;
         const sample_kind kind = take_line(reader, &line, text, sample, time);
-        if (kind == SAMPLE_MALFORMED && reader->words) {
-            const bool known = !reader->damaged && is_header(reader, text);
-            if (take_names(reader, text, reader->damaged, known) != LG_OK) break;
+        if (kind == SAMPLE_MALFORMED && (reader->words || reader->fields == 0)) {
+            const bool known = reader->words && is_header(reader, text);
+            if (take_names(reader, text, false, known) != LG_OK) break;
             if (known || reader->frame.header == line.number) continue;
         }
         reader->lines++;

@@ -9,7 +9,7 @@
 
 typedef enum sample_kind {
     SAMPLE_READ,      /* The line has all its numbers. A number may be NaN: an empty field, nan or inf. */
-    SAMPLE_MALFORMED, /* the line is malformed; `problem` says which, and why */
+    SAMPLE_MALFORMED, /* the line is malformed; `problem` says why */
     SAMPLE_END        /* the feed has ended, Ctrl-C stopped it, or `error` says what is wrong with it */
 } sample_kind;
 
@@ -23,21 +23,17 @@ typedef enum sample_layout { LAYOUT_UNKNOWN, LAYOUT_VALUES, LAYOUT_TIMED } sampl
 typedef struct sample_line {
     char *text;
     uint64_t number;
-    bool closed, cut; /* these and `wrong` as in lg_csv */
-    const char *wrong;
+    bool closed, cut; /* as in lg_csv */
 } sample_line;
 
-/* A line has C numbers, or a time (lg_moment_scan) and C numbers, in cells as those of CSV. A feed has one
- * separator: that of the line of names or, if blanks separate the names, or there are none, that of the first
- * sample: comma, semicolon or tab, otherwise blanks. An additional separator at the end of a line and a
- * carriage return before or after the newline are allowed. The reader skips blank lines, lines that begin
- * with % or //, comments from # on, lines of words before the first sample (names, units), and later
- * repetitions of these lines. A line with as many cells as a sample, of which the first that is no number
- * begins as one (0,05), is malformed, not a line of words.
+/* A line has C numbers, or a time (lg_moment_scan) and C numbers, separated by commas, semicolons or blanks.
+ * An additional separator at its end, blanks around numbers, and a carriage return before the newline are
+ * allowed. The reader skips blank lines, lines that begin with % or //, comments from # on, lines of words
+ * before the first sample (names, units), and later repetitions of these lines.
  *
- * Without names the first lines decide once and for all whether lines begin with a time: three lines of the
- * same kind decide, and one of them may be a line of words. After that a line with another number of cells is
- * malformed. With names a line has as many cells as there are names.
+ * The first lines decide once and for all whether lines begin with a time: three lines of the same kind
+ * decide, and one of them may be a line of names. After that a line with another number of columns is
+ * malformed.
  *
  * If the model's channels have names, a line of names before the first sample that has one of them says
  * which column is which channel. Other columns are left out, whatever their cells hold, and `extra` has their
@@ -48,24 +44,18 @@ typedef struct sample_line {
  *
  * The last line of a feed may lack its line end, and then its last number may be cut. Such a line is
  * malformed (its time is used), unless a separator, a blank, \r or a comment follows the number, or it is the
- * only line. HDF5 and arrays of numpy are errors. */
+ * only line. */
 typedef struct sample_reader {
     uint32_t channels;
     sample_layout layout;
-    uint64_t line;  /* number of the last line read, from 1 */
-    uint64_t lines; /* number of lines so far that have, or should have, a sample */
-    double *field;  /* (1 + channels): the time and the numbers of the line */
-    uint32_t cells; /* number of cells in the line */
-    bool open;      /* its last cell is empty */
-    bool words;     /* the line holds something that is not a number, or nothing that is one */
-    bool damaged;   /* this is no line of words, but a sample whose numbers cannot be read */
-    bool separated; /* the separator of the feed is known; otherwise each line has its own */
-    bool tabs;      /* tabs separate the words of the first line */
-    char *copy;     /* (room): the line, divided into its cells */
-    size_t room;
+    uint64_t line;   /* number of the last line read, from 1 */
+    uint64_t lines;  /* number of lines so far that have, or should have, a sample */
+    double *field;   /* (channels + 1): the numbers of the line */
+    uint32_t fields; /* number of fields in the line; fields beyond channels + 1 are not stored */
+    bool words;      /* the line holds something that is not a number */
     uint64_t header[SAMPLE_HEADERS]; /* hashes of the lines of words before the first sample */
     uint32_t headers;
-    lg_error problem; /* what is wrong with the last malformed line */
+    char problem[160];
     lg_error error;
     /* (channels): names of the model's channels, borrowed; NULL if they have none. */
     lg_frame_text *names;
@@ -74,9 +64,9 @@ typedef struct sample_reader {
     uint32_t time;       /* column of times + 1; 0: none */
     lg_clock clock;      /* of the times */
     bool guessed;        /* only its place makes it one of times */
-    bool untimed;        /* the line has no time in this column */
     bool renamed;        /* a later line of names has replaced the columns; cleared by the caller */
     bool unnamed;        /* a line of names had no channel of the model */
+    uint32_t *place;     /* (channels): index of each channel among the numbers of a line, without the time */
     lg_name_list extra;  /* names of the columns that are left out */
     lg_csv csv;
     sample_line ahead[SAMPLE_AHEAD]; /* (looked): the first lines; `given` of them have been used */

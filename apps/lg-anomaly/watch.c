@@ -438,13 +438,12 @@ static void read_feed(watching *self, sample_reader *reader, float *sample) {
     if (self->last_read > 0 && self->malformed_in_row > 1)
         app_warn(self->app, "after line %llu no line could be read: %llu lines are malformed; the last: %s",
                  (unsigned long long)self->last_read, (unsigned long long)self->malformed_in_row,
-                 reader->problem.message);
+                 reader->problem);
     if ((t->malformed > 0 && read == 0) || (reader->layout == LAYOUT_UNKNOWN && reader->line > 0))
         app_stop(self->app, LG_FILE, "%s: no line holds %u numbers, or %u with a time in seconds%s%s",
                  feed_name(), reader->channels, reader->channels + 1,
-                 reader->problem.message[0] != '\0' ? "; the last line that could not be read: " : "",
-                 reader->problem.message);
-    if (reader->line == 0) app_warn(self->app, "%s: is empty: no sample came", feed_name());
+                 reader->problem[0] != '\0' ? "; the last line that could not be read: " : "",
+                 reader->problem);
     if (self->timing.follow && 2 * t->repeated > rows)
         app_stop(self->app, LG_FILE,
                  "%s: %llu of %llu lines are left out, because their times do not go beyond earlier ones",
@@ -530,8 +529,7 @@ const app_command anomaly_watch_command = {
     .summary = "Score a feed of samples window by window, in fixed memory",
     .details =
         "A line of the feed is a sample: one number for each channel of the model, separated by commas, "
-        "semicolons, tabs or blanks, the same in all lines. A first column of seconds is optional; the first "
-        "lines show whether there is "
+        "semicolons or blanks. A first column of seconds is optional; the first lines show whether there is "
         "one. Later lines with another number of columns are malformed. Blank lines, lines of names and "
         "comments (#) are skipped. Names of the model's channels say which column is which, also in a later "
         "line; a feed that lacks one of them is rejected, and columns with other names are left out. Empty "

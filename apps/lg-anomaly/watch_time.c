@@ -101,9 +101,10 @@ static void accept(watching *self, const float *sample, double time) {
     push_received(self, sample);
 }
 
-static void count_malformed(watching *self, const char *problem, bool lost) {
+static void count_malformed(watching *self, uint64_t line, const char *problem, bool lost) {
     if (self->tally.malformed++ >= TOLD) return;
-    app_warn(self->app, "%s; %s%s", problem, lost ? "taken as a lost sample" : "left out",
+    app_warn(self->app, "line %llu: %s; %s%s", (unsigned long long)line, problem,
+             lost ? "taken as a lost sample" : "left out",
              self->tally.malformed == TOLD ? " (more such lines are only counted)" : "");
 }
 
@@ -134,11 +135,10 @@ static uint32_t line_before(const watching *self, uint32_t last) {
 }
 
 static void reject_held(watching *self, uint32_t i) {
-    const held_sample *held = &self->timing.held[i];
-    lg_error problem;
-    (void)lg_frame_fail_at(&self->reader->frame, held->line, NULL, &problem,
-                           "the time %.15g s does not fit the lines around it", held->time);
-    count_malformed(self, problem.message, false);
+    char problem[96];
+    (void)snprintf(problem, sizeof problem, "the time %.15g s does not fit the lines around it",
+                   self->timing.held[i].time);
+    count_malformed(self, self->timing.held[i].line, problem, false);
 }
 
 /* Accepts or rejects all held samples. The samples first..last-1 form a line and are accepted. Then, from the
@@ -350,7 +350,7 @@ void watch_take_malformed(watching *self, const float *sample, double time) {
     if (!self->rate_known && self->timing.firsts > 0) release_first(self);
     const bool timed = reader->layout == LAYOUT_TIMED && self->rate_known;
     const bool lost = timed ? isfinite(time) : self->started;
-    count_malformed(self, reader->problem.message, lost);
+    count_malformed(self, reader->line, reader->problem, lost);
     if (++self->malformed_in_row == MANY_MALFORMED)
         app_warn(self->app,
                  "line %llu: %d lines in a row could not be read; expected are %s%u number%s a line%s",

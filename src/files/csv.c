@@ -13,7 +13,6 @@
 
 #define OPEN_QUOTE "a quote is not closed: end the cell with a quote, and double the quotes inside it"
 #define CR_ALONE   "has lines that end with a carriage return alone (CR): let them end with a newline (LF)"
-#define ZERO_BYTE  "is not text: it has a zero byte, so it is no CSV in UTF-8"
 enum { BLOCK = 1 << 16, LONGEST_LINE = 1 << 20, FIRST_LINE = 1 << 12 };
 
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what) {
@@ -60,16 +59,14 @@ static lg_status take_bytes(lg_csv *c, const char *from, size_t count, bool quot
     if (c->cut) return LG_OK;
     char *to = c->line + c->length;
     memcpy(to, from, count);
-    for (char *zero; (zero = memchr(to, '\0', count)) != NULL; *zero = '?') {
-        c->wrong = ZERO_BYTE ": write text, one sample a line";
+    for (char *zero; (zero = memchr(to, '\0', count)) != NULL; *zero = '?')
         if (c->wait == NULL)
             return lg_csv_fail(
                 c, error,
                 strncmp(c->line, "PK", 2) == 0
                     ? "is not text: it begins as a zip file; from .npz save one array as .npy (numpy.save)"
-                    : ZERO_BYTE ", and it does not begin as HDF5 or an array of numpy (.npy): save it as one "
-                                "of these");
-    }
+                    : "is not text: it has a zero byte, so it is no CSV in UTF-8, and it does not begin "
+                      "as HDF5 or an array of numpy (.npy): save it as one of these");
     c->length += count;
     if (c->number == 1 && c->length >= 3 && memcmp(c->line, "\xef\xbb\xbf", 3) == 0) {
         c->length -= 3;
@@ -83,18 +80,12 @@ size_t lg_csv_comment(const char *line) {
     return line[0] == '#' || line[0] == '%' ? 1 : line[0] == '/' && line[1] == '/' ? 2 : 0;
 }
 
-/* Whether carriage returns may stand for line ends: in quotes they are text. */
-static bool has_returns(const char *line) {
-    return strchr(line, '\r') != NULL && strchr(line, '"') == NULL;
-}
-
 /* The line continues as long as a quote is open; in a comment quotes mean nothing. */
 lg_status lg_csv_next(lg_csv *c, bool *more, lg_error *error) {
     bool quoted = false;
     if (lg_cancelled(c->context)) return LG_CANCELLED;
     c->length = 0;
     c->closed = c->cut = false;
-    c->wrong = NULL;
     c->number = ++c->lines;
     while (!c->closed && (c->block_at < c->block_used || fill(c))) {
         const char *from = c->block + c->block_at, *end = memchr(from, '\n', c->block_used - c->block_at);
@@ -116,8 +107,6 @@ lg_status lg_csv_next(lg_csv *c, bool *more, lg_error *error) {
     size_t end = c->length;
     for (; end > 0 && c->line[end - 1] == '\r'; end--) c->closed = true;
     c->line[end] = '\0';
-    const char *text = c->line + (*c->line == '\r'); /* lines may end with \n\r */
-    if (c->wait != NULL && c->wrong == NULL && has_returns(text)) c->wrong = CR_ALONE;
     return LG_OK;
 }
 
@@ -128,16 +117,11 @@ static bool is_empty(const lg_csv *c) {
 
 void lg_csv_join_blanks(char *line, char separator) {
     static const char blanks[] = " \t";
-    const size_t length = strlen(line);
     char *to = line;
-    if (separator == ' ' && *line != ' ' && (length == 0 || line[length - 1] != ' ') &&
-        strchr(line, '\t') == NULL && strstr(line, "  ") == NULL)
-        return;
     for (const char *from = line + strspn(line, blanks); *from != '\0'; from += strspn(from, blanks)) {
         const bool quotes = *from == '"';
         if (to > line) *to++ = separator;
-        for (bool inside = false; *from != '\0' && (inside || (*from != ' ' && *from != '\t'));
-             *to++ = *from++)
+        for (bool inside = false; *from != '\0' && (inside || strchr(blanks, *from) == NULL); *to++ = *from++)
             inside ^= quotes && *from == '"';
     }
     *to = '\0';
@@ -192,25 +176,16 @@ lg_status lg_csv_cell(lg_csv *c, char **at, char **cell, lg_error *error) {
         end = ++*cell;
         LG_TRY(unquote(c, &end, error));
         while (is_space(c, *end)) end++;
-        if (c->wait != NULL && *end == '#') *end = '\0';
         if (*end != '\0' && *end != c->separator)
             return lg_csv_fail(c, error,
                                "text follows a closing quote: quote the whole cell, and double quotes in it");
     } else {
-        end = strchr(end, c->separator);
-        if (end == NULL) end = *cell + strlen(*cell);
+        while (*end != '\0' && *end != c->separator) end++;
         for (char *last = end; last > *cell && is_space(c, last[-1]); last--) last[-1] = '\0';
     }
     *at = *end == '\0' ? NULL : end + 1;
     *end = '\0';
     return LG_OK;
-}
-
-bool lg_csv_number(const lg_csv *c, char **at, double *out) {
-    const char *end = lg_decimal(*at, out);
-    if (end == NULL || (*end != c->separator && *end != '\0') || !isfinite(*out)) return false;
-    *at = *end == '\0' ? NULL : *at + (end - *at) + 1;
-    return true;
 }
 
 lg_status lg_csv_name(lg_csv *c, char **at, char **name, lg_error *error) {
@@ -346,7 +321,7 @@ lg_status lg_csv_header(lg_csv *c, lg_error *error) {
         if (lg_csv_comment(c->line) > 0) LG_TRY(keep_comment(c, error));
         if (!is_empty(c)) break;
     }
-    if (has_returns(c->line)) return lg_csv_fail(c, error, CR_ALONE);
+    if (strchr(c->line, '\r') != NULL && strchr(c->line, '"') == NULL) return lg_csv_fail(c, error, CR_ALONE);
     c->separator = lg_csv_separator(c->line, ',');
     c->cells = lg_csv_count(c->line, c->separator, &open);
     if (open) return lg_csv_fail(c, error, OPEN_QUOTE);
@@ -441,7 +416,7 @@ lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error) {
 }
 
 bool lg_csv_missing(const char *cell) {
-    static const char *const missing[] = {"", "-nan", "nan", "NaN", "NAN", "NA", "N/A", "null"};
+    static const char *const missing[] = {"", "-nan", LG_MISSING_WORDS};
     for (size_t i = 0; i < LG_COUNT(missing); i++)
         if (strcmp(cell, missing[i]) == 0) return true;
     return false;

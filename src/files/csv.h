@@ -26,7 +26,6 @@ typedef struct lg_csv {
     int failure;          /* errno of reading, or 0 */
     bool ended, closed;   /* ended: nothing more can be read; closed: the line has a line end */
     bool cut;             /* of a feed: the line is longer than `longest` bytes and was cut */
-    const char *wrong; /* of a feed: why the line is no text (zero bytes, carriage returns inside), or NULL */
     /* of a feed: called before each read; false ends the feed */
     bool (*wait)(void *user);
     void *user;
@@ -73,13 +72,9 @@ lg_status lg_csv_line(lg_csv *c, bool *more, lg_error *error);
  * or more may be a number. */
 lg_status lg_csv_header(lg_csv *c, lg_error *error);
 /* Returns in *cell the cell at *at, unquoted and terminated in place, and moves *at to the next cell, or to
- * NULL after the last cell. Start a line with *at = c->line. In a feed a comment (#) may follow a closing
- * quote. */
+ * NULL after the last cell. Start a line with *at = c->line. */
 lg_status lg_csv_cell(lg_csv *c, char **at, char **cell, lg_error *error);
-/* A faster way for most cells of numbers: reads the cell and moves *at if it is a finite number in decimal
- * digits without blanks or quotes around it. Otherwise false; *at stays. */
-bool lg_csv_number(const lg_csv *c, char **at, double *out);
-/* As lg_csv_cell, for a cell of the header. Control characters are only allowed in quotes. */
+/* The same for a cell of the header. Control characters are only allowed in quotes. */
 lg_status lg_csv_name(lg_csv *c, char **at, char **name, lg_error *error);
 /* Fails if the line has another number of cells than the header. *cut becomes true, without a failure, if the
  * line has fewer cells and no newline, as when the end of a file is cut off. */
@@ -88,7 +83,8 @@ lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error);
 static inline const char *lg_csv_empty(bool blanks) {
     return blanks ? "; write nan in cells without a value" : LG_CSV_EMPTY;
 }
-/* Whether the cell is empty or a word for a missing number (nan, NA, N/A, null). */
+/* Words for a missing number; in a feed in any case, with or without a sign. */
+#define LG_MISSING_WORDS "nan", "NaN", "NAN", "NA", "N/A", "null"
 bool lg_csv_missing(const char *cell);
 /* Fails with the message "FILE: line N: `what`". */
 lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what);

@@ -1,6 +1,5 @@
 /* Frames: what all formats share. Names, wanted columns, the block of rows, numbers and texts of cells. */
 #include <math.h>
-#include <strings.h>
 
 #include "core/lookup.h"
 #include "files/csv.h"
@@ -22,10 +21,11 @@ lg_status lg_frame_no_memory(const lg_frame *f, lg_error *error) {
     return lg_no_memory_for(f->shown, error);
 }
 
-lg_status lg_frame_fail_at(const lg_frame *f, size_t number, const char *column, lg_error *error,
-                           const char *format, ...) {
+lg_status lg_frame_fail(const lg_frame *f, size_t row, const char *column, lg_error *error,
+                        const char *format, ...) {
     char text[sizeof error->message], line[32] = "";
     va_list arguments;
+    const size_t number = column != NULL ? f->line[row] : f->header;
     va_start(arguments, format);
     (void)lg_format_list(text, sizeof text, format, arguments);
     va_end(arguments);
@@ -144,9 +144,9 @@ lg_status lg_frame_number_rows(lg_frame *f, size_t most, uint64_t left, lg_error
     return LG_OK;
 }
 
-static lg_status fail_rounded(const lg_frame *f, size_t number, const char *column, const char *text,
+static lg_status fail_rounded(const lg_frame *f, size_t row, uint32_t column, const char *text,
                               lg_error *error) {
-    return lg_frame_fail_at(f, number, column, error, "%s is beyond 2^53 and " LG_ROUNDED, text);
+    return lg_frame_fail(f, row, f->name[column], error, "%s is beyond 2^53 and " LG_ROUNDED, text);
 }
 
 static lg_status put_text(lg_frame *f, size_t row, uint32_t column, const char *text, lg_error *error) {
@@ -158,49 +158,39 @@ static lg_status put_text(lg_frame *f, size_t row, uint32_t column, const char *
     return LG_OK;
 }
 
-/* In a feed words for a missing number may be in any case and have a sign. */
-static bool is_missing(const lg_frame *f, const char *cell) {
-    static const char *const words[] = {"nan", "na", "n/a", "null", "none", "inf", "infinity"};
-    bool missing = lg_csv_missing(cell);
-    cell += *cell == '-' || *cell == '+';
-    for (size_t i = 0; f->feed && !missing && i < LG_COUNT(words); i++)
-        missing = strcasecmp(cell, words[i]) == 0;
-    return missing;
-}
-
-lg_status lg_frame_read_cell(const lg_frame *f, size_t number, const char *column, lg_clock *clock,
-                             const char *cell, double *out, lg_error *error) {
+static lg_status read_number(lg_frame *f, size_t row, uint32_t column, const char *cell, double *out,
+                             lg_error *error) {
     static const char *const formats_of_times[] = {[LG_TIME_SECONDS] = "number of seconds",
                                                    [LG_TIME_DATE] = "date without an offset",
                                                    [LG_TIME_OFFSET] = "date with an offset",
                                                    [LG_TIME_OF_DAY] = "time of day"};
     char show[41];
     lg_moment now;
-    lg_status status = LG_FORMAT;
-    const char *end = clock != NULL ? lg_moment_scan(cell, &now) : NULL;
-    const bool moment = end != NULL && *end == '\0';
-    if (moment && clock->format == LG_TIME_NONE) clock->line = number;
-    if (moment) *out = lg_clock_read(clock, now);
-    const bool differs = moment && now.format != clock->format;
-    if (moment && !differs && isfinite(*out)) return LG_OK;
-    if (!differs) status = lg_number_parse(cell, out);
-    if (status == LG_OK || (status == LG_UNSUPPORTED && (f->ours || f->feed))) return LG_OK;
+    lg_clock *clock = f->use[column].clock;
     *out = NAN;
-    if (!differs && (is_missing(f, cell) || (status == LG_NOT_FINITE && f->feed))) return LG_OK;
+    if (lg_csv_missing(cell)) return LG_OK;
     (void)snprintf(show, sizeof show, "%s", cell);
-    if (differs)
-        return lg_frame_fail_at(
-            f, number, column, error, "'%s' is a %s, but %s %zu has a %s: write all times in one format",
-            show, formats_of_times[now.format], f->place, clock->line, formats_of_times[clock->format]);
-    if (status == LG_UNSUPPORTED) return fail_rounded(f, number, column, show, error);
+    const char *end = clock != NULL ? lg_moment_scan(cell, &now) : NULL;
+    if (end != NULL && *end == '\0') {
+        if (clock->format == LG_TIME_NONE) clock->line = f->line[row];
+        *out = lg_clock_read(clock, now);
+        if (now.format != clock->format)
+            return lg_frame_fail(f, row, f->name[column], error,
+                                 "'%s' is a %s, but %s %zu has a %s: write all times in one format", show,
+                                 formats_of_times[now.format], f->place, clock->line,
+                                 formats_of_times[clock->format]);
+        if (isfinite(*out)) return LG_OK;
+    }
+    const lg_status status = lg_number_parse(cell, out);
+    if (status == LG_OK || (status == LG_UNSUPPORTED && f->ours)) return LG_OK;
+    if (status == LG_UNSUPPORTED) return fail_rounded(f, row, column, show, error);
     const bool comma = strchr(cell, ',') != NULL;
-    return lg_frame_fail_at(
-        f, number, column, error, "'%s' is not a %snumber%s%s%s", lg_tamed(show),
+    return lg_frame_fail(
+        f, row, f->name[column], error, "'%s' is not a %snumber%s%s%s", lg_tamed(show),
         status == LG_NOT_FINITE ? "finite " : "",
         clock != NULL ? " of seconds, a date such as 2024-03-01T12:00:00.25Z or a time of day" : "",
         comma ? "; write decimals with a point" : lg_csv_empty(f->blanks),
-        !comma && !f->feed && f->header > 0 && f->before + f->rows == 0 ? ", and begin a line of units with #"
-                                                                        : "");
+        !comma && f->header > 0 && f->before + row == 0 ? ", and begin a line of units with #" : "");
 }
 
 lg_status lg_frame_put_cell(lg_frame *f, size_t row, uint32_t column, const char *text, bool quoted,
@@ -209,8 +199,7 @@ lg_status lg_frame_put_cell(lg_frame *f, size_t row, uint32_t column, const char
     if (use->text > 0)
         LG_TRY(put_text(f, row, column, !quoted && !use->exact && lg_csv_missing(text) ? "" : text, error));
     if (use->value == 0) return LG_OK;
-    return lg_frame_read_cell(f, f->line[row], f->name[column], use->clock, text,
-                              &f->value[row * f->width + use->value - 1], error);
+    return read_number(f, row, column, text, &f->value[row * f->width + use->value - 1], error);
 }
 
 lg_status lg_frame_put_number(lg_frame *f, size_t row, uint32_t column, char type, const void *number,
@@ -235,7 +224,7 @@ lg_status lg_frame_put_number(lg_frame *f, size_t row, uint32_t column, char typ
     if (use->text > 0) LG_TRY(put_text(f, row, column, text, error));
     if (use->value == 0) return LG_OK;
     if (whole && use->clock == NULL && lg_whole_is_rounded(magnitude))
-        return fail_rounded(f, f->line[row], f->name[column], text, error);
+        return fail_rounded(f, row, column, text, error);
     f->value[row * f->width + use->value - 1] = value;
     return LG_OK;
 }

@@ -103,9 +103,6 @@ typedef struct lg_frame {
      * without its line end, which was not written whole, is left out. Whole numbers, as seeds are, may be
      * rounded to doubles. */
     bool ours;
-    /* Lines of a feed: words for a missing number may be in any case, have a sign, and be none; infinite
-     * numbers are missing, too; whole numbers may be rounded. */
-    bool feed;
     /* Set by lg_frame_open. */
     const char *shown, *place; /* shown: the path in messages; place: "line" or "row" */
     uint32_t columns;          /* of the file */
@@ -131,16 +128,10 @@ lg_status lg_frame_open(lg_frame *f, lg_error *error);
 /* Reads up to `most` rows. f->rows becomes their number, 0 at the end of the file. */
 lg_status lg_frame_next(lg_frame *f, size_t most, lg_error *error);
 void lg_frame_close(lg_frame *f);
-/* Fails with LG_FORMAT and the message "FILE: line 7: column x: ...". `number` is that of the line or row; 0:
- * about the file. column NULL: about the whole line. */
-lg_status lg_frame_fail_at(const lg_frame *f, size_t number, const char *column, lg_error *error,
-                           const char *format, ...) __attribute__((format(printf, 5, 6)));
-static inline size_t lg_frame_line(const lg_frame *f, size_t row, const char *column) {
-    return column != NULL ? f->line[row] : f->header;
-}
-/* The same about a row of the block. column NULL: about the line of the names. */
-#define lg_frame_fail(f, row, column, ...)                                                                   \
-    lg_frame_fail_at(f, lg_frame_line(f, row, column), column, __VA_ARGS__)
+/* Fails with LG_FORMAT and the message "FILE: line 7: column x: ...". column NULL: about the line of the
+ * names. */
+lg_status lg_frame_fail(const lg_frame *f, size_t row, const char *column, lg_error *error,
+                        const char *format, ...) __attribute__((format(printf, 5, 6)));
 static inline const char *lg_frame_text_of(const lg_frame *f, size_t row, const lg_frame_want *want) {
     return want->there ? f->text[row * f->texts + want->first] : "";
 }
@@ -184,11 +175,6 @@ lg_status lg_frame_put_cell(lg_frame *f, size_t row, uint32_t column, const char
                             lg_error *error);
 lg_status lg_frame_put_number(lg_frame *f, size_t row, uint32_t column, char type, const void *number,
                               lg_error *error);
-/* Reads a cell of a line or row (number): as a time, if `clock` is that of its column, else as a number. A
- * missing number is NaN. Fails with the message "FILE: line 7: column x: '...' is not a number; ...". column
- * NULL: it has no name. */
-lg_status lg_frame_read_cell(const lg_frame *f, size_t number, const char *column, lg_clock *clock,
-                             const char *cell, double *out, lg_error *error);
 static inline bool lg_frame_is_wanted(const lg_frame *f, uint32_t column) {
     return f->use[column].value > 0 || f->use[column].text > 0;
 }
