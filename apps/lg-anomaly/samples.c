@@ -154,6 +154,7 @@ static const char *scan_number(sample_reader *reader, const char *p, bool timed,
  * False: the line holds something else, described in `problem`. */
 static bool split_line(sample_reader *reader, char *p, bool *open) {
     char separator = '\0';
+    bool blanks = false;
     reader->fields = 0;
     reader->words = *open = false;
     for (uint32_t column = 0; *p != '\0'; column++) {
@@ -171,13 +172,19 @@ static bool split_line(sample_reader *reader, char *p, bool *open) {
             }
             if (!add_field(reader, value)) return true;
         }
-        if (!separates(reader, *p)) continue;
+        if (!separates(reader, *p)) {
+            blanks = blanks || (*p != '\0' && *p != '#');
+            continue;
+        }
         if (separator != '\0' && *p != separator) return reject_word(reader, p);
         separator = *p;
         *open = true;
         p = skip_blanks(reader, p + 1);
     }
-    return true;
+    if (!blanks || separator == '\0') return true;
+    (void)snprintf(reader->problem, sizeof reader->problem, "blanks separate some numbers, '%c' others",
+                   separator);
+    return false;
 }
 
 void sample_leave_times(sample_reader *reader) {

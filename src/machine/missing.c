@@ -55,12 +55,14 @@ static bool extend(const lg_machine *machine, uint32_t degree, lg_machine *out) 
 /* Orthonormalises the columns 0 .. n - 2 of the triangle (n, n) one after the other and removes each from the
  * last column, the residuals. `explained` gets the squares that columns from `own` on remove, `left` the
  * squares that remain. `taken` counts the independent columns before `own` and from `own` on. A column of
- * which little remains is a combination of earlier ones and becomes 0. `columns` is (n, 2 n): below each
- * column stand its coefficients in the triangle's columns. */
+ * which little remains is a combination of earlier ones and becomes 0, as does one that is rounding error of
+ * the largest. `columns` is (n, 2 n): below each column stand its coefficients in the triangle's columns. */
 static void explain(size_t n, size_t own, double *columns, double *explained, double *left, size_t *taken) {
-    static const double combined = 1e-6;
+    static const double combined = 1e-6, rounding = 1e-15;
     const lg_kernels *k = lg_kernels_for(LG_F64);
-    double *last = columns + (n - 1) * 2 * n;
+    double *last = columns + (n - 1) * 2 * n, largest = 0.0;
+    for (size_t j = 0; j + 1 < n; j++)
+        largest = fmax(largest, k->dot(n, columns + j * 2 * n, columns + j * 2 * n));
     taken[0] = taken[1] = 0;
     for (size_t j = 0; j + 1 < n; j++) {
         double *column = columns + j * 2 * n;
@@ -70,7 +72,7 @@ static void explain(size_t n, size_t own, double *columns, double *explained, do
             k->axpy(2 * n, -k->dot(n, basis, column), basis, column);
         }
         const double norm = k->dot(n, column, column);
-        const bool adds = norm > combined * combined * before;
+        const bool adds = norm > combined * combined * before && before > rounding * rounding * largest;
         for (size_t i = 0; i < 2 * n; i++) column[i] = adds ? column[i] / sqrt(norm) : 0.0;
         const double part = k->dot(n, column, last);
         k->axpy(2 * n, -part, column, last);
