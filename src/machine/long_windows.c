@@ -147,6 +147,7 @@ lg_status lg_chain_pass_long(lg_tape *tape, lg_chain *all, double *floor) {
     for (size_t s = 0; s < all->count && status == LG_OK; s++) {
         lg_chain one = *all;
         one.count = 1;
+        one.done = 0;
         one.samples = all->samples + s;
         one.run = &x;
         if (all->r != NULL) {
