@@ -208,7 +208,7 @@ TEST("the mass of a network is reported at the logged states, with these states"
     assert_null(strstr(result.err, "do not determine"));
     cli_run(identify, "fit moving.yaml away.csv --out m.h5 --epochs 20");
     assert_says(result.out, "mass: of a network, at x ");
-    assert_says(result.out, "\nidentified    value  error\n");
+    assert_says(result.out, "value  error\n");
     assert_says(result.out, "\nmass.1.1  ");
     assert_says(result.out, "expected_loss                    1.9  noise and steps leave at most");
     cli_run(identify,
