@@ -173,7 +173,7 @@ lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c) {
 
 /* ---- accelerations ---- */
 
-/* Fills `a` and `of_a` at the current points, where accelerations are measured. */
+/* If accelerations are measured, computes those of the current points (a), and their derivatives (of_a). */
 static lg_status show_accelerations(lg_tape *tape, lg_chain *c) {
     const lg_machine *machine = c->problem->machine;
     recorded x;

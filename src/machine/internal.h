@@ -15,7 +15,7 @@ typedef struct lg_machine_noise {
     double position[LG_MACHINE_COORDINATES], velocity[LG_MACHINE_COORDINATES];
 } lg_machine_noise;
 
-/* A root mean square (machine/scales.c): numbers are added unless they are NaN; NaN: there are none. */
+/* Sums for a root mean square (machine/scales.c). NaN is left out; without numbers the result is NaN. */
 typedef struct lg_squares {
     double sum;
     size_t count;
@@ -402,7 +402,7 @@ typedef struct lg_machine_flow {
  * start and end, or LG_NONE. After an error `parts` are of no use. */
 lg_status lg_machine_variational_step(lg_tape *tape, const lg_machine_flow *flow, const lg_taped_span *over,
                                       const lg_var u[2], lg_var *parts);
-/* Binds theta to `vars`, and makes the flow of these. */
+/* Binds theta to `vars`, and makes the flow that has these parameters. */
 lg_status lg_machine_begin_flow(lg_tape *tape, const lg_machine *machine, const lg_scheme *scheme,
                                 uint32_t substeps, lg_var theta, lg_machine_vars *vars,
                                 lg_machine_flow *flow);

@@ -20,7 +20,7 @@ typedef struct worker {
     double *own_start, *own_parameter; /* of the current member */
     double *projected;                 /* (dim) */
     size_t groups, *group_end;         /* groups of the state (integrators/groups.h) */
-    unsigned char *refused;            /* (room): the start or the parameters are not allowed */
+    unsigned char *refused;            /* (room): whether a start or its parameters are rejected */
     void *memory;
     lg_one_by_one one; /* used if lanes are not */
     uint64_t attempts, vectors, failed, steps, rejected;

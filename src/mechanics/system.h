@@ -59,7 +59,7 @@ typedef struct lg_system_row {
      * the order of the table. Differentiable to any order in both, unless the row's file says otherwise. */
     lg_status (*taped)(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                        lg_var parameters, lg_var *algebra);
-    /* Force and velocity on a tape for halves (B, n), which separable systems have instead of `taped`. */
+    /* Separable systems have these instead of `taped`: force(q) and velocity(p) on a tape, (B, n) each. */
     lg_var (*taped_force)(lg_tape *tape, lg_var q, lg_var parameters);
     lg_var (*taped_velocity)(lg_tape *tape, lg_var p, lg_var parameters);
 } lg_system_row;

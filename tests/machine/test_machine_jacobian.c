@@ -181,7 +181,7 @@ TEST("the Jacobian has the derivatives by the starts, each start in its own colu
 
 /* A window of so many rows that they are solved for together, of lines and angles. */
 TEST("the rows of a long window are solved for together: loss, residuals and Jacobian are the tape's") {
-    enum { LONG = 520 };
+    enum { LONG = 520, ALL = LONG + PARTS - 1 };
     lg_machine machine = empty_machine();
     add_coordinate(&machine, "x", LG_COORDINATE_LINE);
     add_coordinate(&machine, "y", LG_COORDINATE_ANGLE);
@@ -197,26 +197,27 @@ TEST("the rows of a long window are solved for together: loss, residuals and Jac
     odd_scales(&machine);
     assert_machine(&machine);
     task *t = make_task(&machine, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);
-    double *time = test_numbers(7, LONG, 0, 1), *q = test_numbers(8, 2 * LONG, -0.1, 0.1),
-           *v = test_numbers(9, 2 * LONG, -0.1, 0.1), *u = test_numbers(10, 4 * LONG, -0.1, 0.1);
-    for (uint32_t i = 0; i < LONG; i++) time[i] = 0.02 * i + 0.005 * time[i];
+    double *time = test_numbers(7, ALL, 0, 1), *q = test_numbers(8, 2 * ALL, -0.1, 0.1),
+           *v = test_numbers(9, 2 * ALL, -0.1, 0.1), *u = test_numbers(10, 4 * ALL, -0.1, 0.1);
+    for (uint32_t i = 0; i < ALL; i++) time[i] = 0.02 * i + 0.005 * time[i];
     q[101] = v[202] = (double)NAN;
-    t->first[1] = LONG;
+    t->first[1] = ALL;
     t->problem.log =
-        (lg_machine_log){.rows = LONG, .parts = 1, .first = t->first, .t = time, .q = q, .v = v, .u = u};
+        (lg_machine_log){.rows = ALL, .parts = 1, .first = t->first, .t = time, .q = q, .v = v, .u = u};
     t->problem.window = LONG;
-    t->problem.windows = 1;
+    t->problem.windows = PARTS;
+    t->problem.start = (const size_t[]){0, 1, 2};
     lg_machine_fit_problem(&t->problem, &t->fit);
-    assert_products_of(t, 1);
+    assert_products_of(t, PARTS);
     /* lg_machine_loss takes the same way. */
     const double *theta = test_numbers(6, t->fit.parameters, -0.3, 0.3);
     double loss = 0, floor = 0, whole = 0;
     lg_tape *tape = test_tape(LG_F64);
-    const uint32_t sample = 0;
+    const uint32_t samples[PARTS] = {0, 1, 2};
     lg_var taped;
     assert_ok(lg_machine_loss(NULL, &t->problem, theta, &loss, &floor, NULL));
     const lg_var x = lg_parameter(tape, lg_shape1((uint32_t)t->fit.parameters), theta);
-    assert_ok(t->fit.loss(t->fit.user, tape, x, &sample, 1, 1, &taped));
+    assert_ok(t->fit.loss(t->fit.user, tape, x, samples, PARTS, PARTS, &taped));
     assert_ok(lg_read(tape, taped, 1, &whole));
     assert_close(loss, whole, 1e-11, 0);
     if (!(floor > 0 && floor < 0.01 * loss)) fail_msg("floor %g of the loss %g", floor, loss);

@@ -157,7 +157,7 @@ LG_RECIPE(hamiltonian, "checkpoint", LG_MADE(lg_hamiltonian_run, model.net), .it
 static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged,
                               const lg_hamiltonian_file *stored, lg_error *error) {
     LG_TRY(lg_recipe_compare_runs(&lg_recipe_hamiltonian, &stored->run, &judged->run, h5->path, error));
-    const bool single = judged->run.training.dtype == LG_F32; /* as the file stores parameters */
+    const bool single = judged->run.training.dtype == LG_F32; /* the file then stores floats */
     bool same = judged->parameters == stored->parameters;
     for (size_t i = 0; same && i < stored->parameters; i++)
         same = stored->theta[i] == (single ? (double)(float)judged->theta[i] : judged->theta[i]);

@@ -176,7 +176,7 @@ lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg
 
 /* ---- estimated starts ---- */
 
-/* A copy of the log with arrays of its own for states, which begin as zeros. */
+/* Copies the log, but for its states: the copy has arrays of its own, which begin as zeros. */
 static lg_status begin_states(const lg_learned_machine *model, const lg_machine_log *log, lg_started_log *out,
                               lg_error *error) {
     const size_t nq = model->machine->positions, n = nq + model->machine->velocities;
