@@ -31,7 +31,7 @@ static lg_status check_samples(const char *path, const lg_series *s, lg_error *e
     while (at < count && isfinite(s->x[at])) at++;
     if (at == count) return LG_OK;
     return lg_fail(error, LG_NOT_FINITE,
-                   "%s: /X: %s in window %zu, channel %zu, sample %zu: leave this window out",
+                   "%s: /X: %s in window %zu, channel %zu, sample %zu, counted from 0: leave this window out",
                    lg_shown_path(path), isnan(s->x[at]) ? "NaN" : "a value beyond single precision",
                    at / window, at % window / s->length, at % s->length);
 }
