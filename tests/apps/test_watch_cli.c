@@ -908,6 +908,8 @@ TEST("an empty feed is reported") {
     watch("", "samples 0, days 0");
     watch("--crack-at 5", "samples 0, false_alarms_per_day null");
     cli_expect("lg-anomaly", "watch m.h5 --json --input /dev/null", 0, "\"samples\": 0");
+    cli_expect("lg-anomaly", "watch m.h5 --json --input /dev/null", 0,
+               "[\"/dev/null is empty: there was nothing to watch\"]");
 }
 
 /* Reads a child's output until `words` appear. Returns false after ten seconds. */
