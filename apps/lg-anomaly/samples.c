@@ -69,18 +69,22 @@ static bool separates(const sample_reader *reader, char c) {
 static bool ends_field(const sample_reader *reader, char c) {
     return separates(reader, c) || c == '#' || c == '\0' || is_blank(reader, c);
 }
+/* Whether a cell, or what is in its quotes, ends at p. */
+static bool ends_cell(const sample_reader *reader, const char *p, bool quoted) {
+    return (!quoted || *p == '"') && ends_field(reader, p[quoted]);
+}
 static char *skip_blanks(const sample_reader *reader, char *p) {
     while (is_blank(reader, *p)) p++;
     return p;
 }
 
 /* Returns the end of a word that stands for a missing number, such as nan, or NULL. */
-static const char *scan_word(const sample_reader *reader, const char *p) {
+static const char *scan_word(const sample_reader *reader, const char *p, bool quoted) {
     static const char *const words[] = {LG_MISSING_WORDS, "none", "inf", "infinity"};
     p += *p == '-' || *p == '+';
     for (size_t i = 0; i < LG_COUNT(words); i++) {
         const size_t length = strlen(words[i]);
-        if (strncasecmp(p, words[i], length) == 0 && ends_field(reader, p[length])) return p + length;
+        if (strncasecmp(p, words[i], length) == 0 && ends_cell(reader, p + length, quoted)) return p + length;
     }
     return NULL;
 }
@@ -140,14 +144,13 @@ static const char *scan_number(sample_reader *reader, const char *p, bool timed,
     const bool quoted = *p == '"';
     p += quoted;
     const char *next = timed ? lg_moment_scan(p, &now) : lg_decimal(p, value);
-    bool ends = next != NULL && (quoted ? *next == '"' : ends_field(reader, *next));
+    const bool ends = next != NULL && ends_cell(reader, next, quoted);
     if (timed && ends) *value = read_time(reader, now);
     if (!ends) {
-        next = quoted && *p == '"' ? p : scan_word(reader, p);
+        next = quoted && ends_cell(reader, p, true) ? p : scan_word(reader, p, quoted);
         *value = (double)NAN;
-        ends = next != NULL && (!quoted || *next == '"');
     }
-    return ends ? next + quoted : NULL;
+    return next != NULL ? next + quoted : NULL;
 }
 
 /* Stores the numbers of a line in `field` and their count in `fields`; *open: the line ends with a separator.

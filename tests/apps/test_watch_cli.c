@@ -261,10 +261,12 @@ TEST("times that jitter or drift lose no sample, and a clock that is set back do
 }
 
 TEST("missing values are lost samples, and other lines are malformed") {
-    static const char *const lost[] = {"nan,1", "1,", ",", "-inf,NaN", "NA;null", "1e999,1", "1e39,1"};
-    static const char *const malformed[] = {"1",         "1,2,3,4", "foo,bar", "1,abc",   "9,81;3,2",
-                                            "34 032.6,", "1,2;",    "1.2.3,4", "0x1p3,1", "--1,1",
-                                            "1,,2,,,,",  "1e,1",    "1,2e+",   "nano,1",  "1,\x01\xff"};
+    static const char *const lost[] = {"nan,1",   "1,",     ",",         "-inf,NaN", "NA;null",
+                                       "1e999,1", "1e39,1", "\"nan\",1", "1,\"\""};
+    static const char *const malformed[] = {
+        "1",          "1,2,3,4",          "foo,bar", "1,abc",    "9,81;3,2", "34 032.6,", "1,2;",
+        "1.2.3,4",    "0x1p3,1",          "--1,1",   "1,,2,,,,", "1e,1",     "1,2e+",     "nano,1",
+        "1,\x01\xff", "\"5\"\" pipe\",1", "\"5\"6",  "\"nan\"2"};
     for (size_t r = 0; r < LG_COUNT(lost) + LG_COUNT(malformed); r++) {
         const bool is_lost = r < LG_COUNT(lost);
         const char *line = is_lost ? lost[r] : malformed[r - LG_COUNT(lost)];
