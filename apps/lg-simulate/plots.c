@@ -100,8 +100,7 @@ static void put_chain(app_plot *plot, const report *what, const double *y, bool 
     }
 }
 
-/* The link and, where the state has attitudes, the two arms of each quadrotor: the beginning of a line and its
- * vector. */
+/* The link and with attitudes the two arms of each quadrotor: the beginning of a line and its vector. */
 static void put_quadrotors(app_plot *plot, const report *what, const double *y, bool whole) {
     size_t count = 0;
     const double *lengths = parameter_values(what->sim, "lengths", &count);

@@ -1,7 +1,7 @@
 /* Two quadrotors that carry a point mass on rigid massless links, under a tracking control law.
  *
- * e3 points along gravity, DOWN. The payload is at y, the links have directions q_i in S^2, the quadrotors are at
- * y - L_i q_i. The thrust u_i is the sum of u_par_i along the link and u_perp_i across it:
+ * e3 points along gravity, DOWN. The payload is at y, the links have directions q_i in S^2, the quadrotors
+ * are at y - L_i q_i. The thrust u_i is the sum of u_par_i along the link and u_perp_i across it:
  *
  *   M_q (v' - g e3) = sum_i u_par_i - m_i L_i |omega_i|^2 q_i,   M_q = m_y I + sum_i m_i q_i q_i^T
  *   omega_i' = q_i x (v' - g e3)/L_i - q_i x u_perp_i/(m_i L_i),   q_i' = omega_i x q_i
@@ -15,19 +15,19 @@
  *   c_i = -kq q_d,i x q_i - kw (omega_i - P_i omega_d,i) - (q_i.omega_d,i) omega_i x q_i
  *   w_perp_i = -q_i x (m_i q_i x x - m_i L_i c_i)
  *
- * with A' = y_d''' - kx e' - kv (x + g e3 - y_d''). In the form exact-thrusts the quadrotors deliver them exactly, u_i = w_i.
- * Then v' = x + g e3 and omega_i' = c_i: neither masses nor attitudes matter. If q_1, q_2 and A lie in one plane,
- * e'' = -kx e - kv e'.
+ * with A' = y_d''' - kx e' - kv (x + g e3 - y_d''). In the form exact-thrusts u_i = w_i. Then v' = x + g e3
+ * and omega_i' = c_i, whatever the masses are. If q_1, q_2 and A lie in one plane, e'' = -kx e - kv e'.
  *
- * In the form attitudes the thrust acts along R_i e3, which a moment M_i turns to -w_i; e_1 is the wanted heading:
+ * In the form attitudes the thrust acts along R_i e3, which a moment M_i turns to -w_i; e_1 is the heading:
  *
  *   u_i = (w_i.R_i e3) R_i e3,   R_i' = hat(R_i Omega_i) R_i,   J Omega_i' = -Omega_i x J Omega_i + M_i
  *   R_c = [b_2 x b_3, b_2, b_3],   b_3 = -w_i/|w_i|,   b_2 the direction of b_3 x e_1
- *   M_i = -kR e_R - kOmega Omega_i,   2 e_R = (R_c^T R_i - R_i^T R_c)^vee = R_i^T sum_j (R_c e_j) x (R_i e_j)
- *   v' = x + g e3 + dx, M_q dx = sum_i q_i q_i.(u_i - w_i),   omega_i' = c_i + q_i x (m_i dx - u_i + w_i)/(m_i L_i)
+ *   M_i = -kR e_R - kOmega Omega_i,   2 e_R = (R_c^T R_i - R_i^T R_c)^vee = R_i^T sum_j R_c e_j x R_i e_j
+ *   v' = x + g e3 + dx with M_q dx = sum_i q_i q_i.l_i, l_i = u_i - w_i
+ *   omega_i' = c_i + q_i x (m_i dx - l_i)/(m_i L_i)
  *
- * Lee and others add to M_i the rate and the acceleration of R_c, which need w_i''. Without them R_i lags behind
- * R_c by kOmega/kR times its rate, and reaches it where the payload has settled on its path.
+ * Lee and others add to M_i the rate and the acceleration of R_c, which need w_i''. Without them R_i lags
+ * behind R_c by kOmega/kR times its rate, and reaches it where the payload has settled on its path.
  *
  * T. Lee, K. Sreenath, V. Kumar: Geometric control of cooperating multiple quadrotor UAVs with a suspended
  * payload, CDC 2013; Celledoni, Cokaj, Leone, Murari, Owren: Lie group integrators for mechanical systems

@@ -80,7 +80,8 @@ static void cramer(const double M[9], const double b[3], double x[3]) {
     }
 }
 
-/* The thrusts u_1, u_2 that the control law asks for. q_d' is computed by differences along the motion with v' = x + g e3. */
+/* The thrusts u_1, u_2 that the control law asks for. q_d' is computed by differences along the motion with
+ * v' = x + g e3. */
 static void asked_thrusts(double t, const double *y, double u[2][3]) {
     double A[3], s[2], force[3] = {0, 0, 0}, M[9] = {0}, x[3], along[2];
     const double *q[2] = {y + Q, y + Q + LINK}, *w[2] = {y + W, y + W + LINK};
