@@ -136,7 +136,7 @@ def heavy_top(form, t_end=1, spin=150.0):
 def quadrotors(beside=0.0, t_end=5):
     """The published start; `beside`: metres of the payload across the plane of motion."""
     s, c = math.sin(math.radians(80)), math.cos(math.radians(80))
-    return dict(system="quadrotors", J=[0.0820, 0.0845, 0.1377], payload=0.4, masses=[0.755, 0.755], lengths=[0.6, 0.8],
+    return dict(system="quadrotors", payload=0.4, masses=[0.755, 0.755], lengths=[0.6, 0.8],
                 gravity=9.81, kx=4, kv=4, kq=100, kw=20, beta=math.pi / 6, reference="parabola",
                 initial=dict(y=[-2, beside, 0], v=[0, 0, 0], q=[[s, 0, c], [-s, 0, c]]), t_end=t_end)
 

@@ -100,25 +100,25 @@ static void put_chain(app_plot *plot, const report *what, const double *y, bool 
     }
 }
 
-/* The link and the two arms of each quadrotor: the beginning of a line and its vector. */
+/* The link and with attitudes the two arms of each quadrotor: the beginning of a line and its vector. */
 static void put_quadrotors(app_plot *plot, const report *what, const double *y, bool whole) {
     size_t count = 0;
     const double *lengths = parameter_values(what->sim, "lengths", &count);
     const double *payload = y + find_block(what->sim, "y", 1)->offset;
     if (!whole) APP_PLOT_COLUMNS(plot, 9, 1, {payload, 0, 3});
     for (size_t i = 0; i < count && whole; i++) {
-        const double *q = y + find_block(what->sim, "q", i + 1)->offset,
-                     *R = y + find_block(what->sim, "R", i + 1)->offset;
+        const double *q = y + find_block(what->sim, "q", i + 1)->offset;
+        const block *attitude = find_block(what->sim, "R", i + 1);
         double line[3][6];
         for (int c = 0; c < 3; c++) {
-            line[2][c] = payload[c];
-            line[2][3 + c] = -lengths[i] * q[c];
-            for (int arm = 0; arm < 2; arm++) {
-                line[arm][c] = payload[c] - lengths[i] * q[c] - 0.2 * R[3 * c + arm];
-                line[arm][3 + c] = 0.4 * R[3 * c + arm];
+            line[0][c] = payload[c];
+            line[0][3 + c] = -lengths[i] * q[c];
+            for (int arm = 0; arm < 2 && attitude != NULL; arm++) {
+                line[1 + arm][3 + c] = 0.4 * y[attitude->offset + 3 * c + arm];
+                line[1 + arm][c] = payload[c] + line[0][3 + c] - 0.5 * line[1 + arm][3 + c];
             }
         }
-        APP_PLOT_COLUMNS(plot, 9, 3, {line[0], 6, 6});
+        APP_PLOT_COLUMNS(plot, 9, attitude != NULL ? 3 : 1, {line[0], 6, 6});
     }
 }
 

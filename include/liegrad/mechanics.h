@@ -14,7 +14,7 @@
  * equations of each system, its parameters with their keys and their names in gradients, the order of its
  * state and its invariants. The systems are oscillator; quartic; coupled-oscillators; pendulum-chain
  * (lagrangian | hamiltonian); rigid-body; rigid-body-attitude; heavy-top (cotangent | direct | lie-poisson |
- * quadratic); satellite; quadrotors.
+ * quadratic); satellite; quadrotors (exact-thrusts | attitudes).
  *
  * A system is immutable after it is made, except by lg_system_set_parameters, so threads may share it;
  * each thread needs its own work memory. Evaluating a system allocates nothing. The cost of a chain is

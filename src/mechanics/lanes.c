@@ -53,7 +53,7 @@ SEPARABLE(coupled, 2)
  * generator of the LIE field, on one copy of `kind` followed by R^n; an algebra element has m numbers. */
 #define BODY(name, m, kind)                                                                                  \
     INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
-        name##_of(&(field_at){problem->parameter, y, out, 0.0});                                             \
+        name##_of(&(field_at){problem->parameter, y, out, 0.0, NULL});                                       \
     }                                                                                                        \
     INLINE void name##_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {              \
         lanes a[m];                                                                                          \

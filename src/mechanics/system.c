@@ -12,7 +12,7 @@ static const lg_system_row *const rows[] = {
     &lg_system_row_chain_lagrangian, &lg_system_row_chain_hamiltonian, &lg_system_row_rigid_body,
     &lg_system_row_attitude,         &lg_system_row_top_cotangent,     &lg_system_row_top_direct,
     &lg_system_row_top_lie_poisson,  &lg_system_row_top_quadratic,     &lg_system_row_satellite,
-    &lg_system_row_quadrotors,
+    &lg_system_row_quadrotors,       &lg_system_row_quadrotor_bodies,
 };
 
 /* ---- the tables ---- */

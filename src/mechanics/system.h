@@ -105,7 +105,7 @@ extern const lg_system_row lg_system_row_chain_lagrangian, lg_system_row_chain_h
 extern const lg_system_row lg_system_row_rigid_body, lg_system_row_attitude;
 extern const lg_system_row lg_system_row_top_cotangent, lg_system_row_top_direct,
     lg_system_row_top_lie_poisson, lg_system_row_top_quadratic;
-extern const lg_system_row lg_system_row_satellite, lg_system_row_quadrotors;
+extern const lg_system_row lg_system_row_satellite, lg_system_row_quadrotors, lg_system_row_quadrotor_bodies;
 
 /* The fields of fields/NAME.inc on a tape (taped_fields.c). */
 #define LG_TAPED_FIELDS(X)                                                                                   \
@@ -119,7 +119,8 @@ LG_TAPED_FIELDS(LG_DECLARE_TAPED)
 /* The plain field NAME_field of NAME_of in fields/NAME.inc. */
 #define LG_PLAIN_FIELD(name)                                                                                 \
     static lg_status name##_field(void *user, double t, const double *y, const double *input, double *out) { \
-        name##_of(&(field_at){((const lg_system_user *)user)->system->parameters, y, out, t});               \
+        const lg_system *own = ((const lg_system_user *)user)->system;                                       \
+        name##_of(&(field_at){own->parameters, y, out, t, &own->space});                                     \
         return LG_OK;                                                                                        \
     }
 /* The members of a row with both fields. */

@@ -329,9 +329,12 @@ TEST("plots are drawn") {
         "rigid.yaml --plot-kind 3d", "chain.yaml --method rk4 --steps 20",
         /* zero at all times, and no invariants */
         "rigid.yaml --plot-kind manifold", "quadrotors.yaml --plot-kind invariants",
-        "quadrotors.yaml --plot-kind 3d", "satellite.yaml --plot-kind 3d", "chain.yaml --tol 1e-13"};
+        "quadrotors.yaml --plot-kind 3d", "bodies.yaml --plot-kind 3d", "satellite.yaml --plot-kind 3d",
+        "chain.yaml --tol 1e-13"};
     cli_write("quadrotors.yaml",
               "system: quadrotors\ninitial: {q: [[0.6, 0, 0.8], [-0.6, 0, 0.8]]}\nt_end: 0.1\n");
+    cli_write("bodies.yaml", "system: quadrotors\nform: attitudes\n"
+                             "initial: {q: [[0.6, 0, 0.8], [-0.6, 0, 0.8]]}\nt_end: 0.1\n");
     cli_write("satellite.yaml",
               "system: satellite\ninitial: {pi: [0.3, 0, 1], q: [0, 0.6, 0.8], p: [0.2, 0, 0]}\nt_end: 1\n");
     for (size_t i = 0; i < LG_COUNT(arguments); i++) {

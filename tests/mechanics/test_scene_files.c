@@ -434,6 +434,8 @@ TEST("keys of other systems and forms and unknown keys are refused, and the vali
         {"system: rigid-body\ninertia: [1, 2, 3]\nform: free\n", "line 3", "one form only"},
         {"system: quadrotors\nreference: circle\n", "line 2", "'circle' is none of parabola"},
         {"system: quadrotors\nlinks: 2\n", "line 2", "'links' does not belong"},
+        {"system: quadrotors\ninitial: {q: [[0, 0, 1], [0, 0, 1]], Omega: 0}\n", "line 2",
+         "'initial.Omega' does not belong to system quadrotors (exact-thrusts)"},
         {"system: heavy-top\nform: indirect\n", "line 2",
          "'indirect' is none of cotangent, direct, lie-poisson, quadratic"},
         {"system: heavy-top\nform: direct\ninitial: {Gamma: [0, 0, 1], Pi: [1, 2, 3]}\n", "line 3",
@@ -579,7 +581,7 @@ static void refuse_changes(read_fn reader, const char *good, const bad_text *row
 #define BODIES                                                                                               \
     "system: quadrotors\ninitial:\n  R: [[[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]],\n"                      \
     "    [[1, 0, 0], [0, 1, 0],\n [0, 0, 1]]]\n"                                                             \
-    "  q: [[0.6, 0, 0.8],\n [-0.6, 0, 0.8]]\n  omega: [[0, 1, 0],\n [0, -1, 0]]\n"
+    "  q: [[0.6, 0, 0.8],\n [-0.6, 0, 0.8]]\n  omega: [[0, 1, 0],\n [0, -1, 0]]\nform: attitudes\n"
 
 /* Tests rotations and the links of the quadrotors. */
 TEST("rotations are projected if nearly orthogonal and refused otherwise") {
@@ -604,8 +606,8 @@ TEST("rotations are projected if nearly orthogonal and refused otherwise") {
     lg_scene scene = read_text("bodies.yaml", BODIES, NULL);
     assert_false(scene.projected);
     assert_close(scene.state[0], -2, 0, 0);
-    assert_close(scene.state[6], 0.6, 0, 0);
-    assert_close(scene.state[9], 0.8, 0, 0);
+    assert_close(scene.state[18], 0.6, 0, 0);
+    assert_close(scene.state[21], 0.8, 0, 0);
     static const bad_text rows[] = {{"[[0.6, -0.8, 0]", "[[0.6, 0.8, 0]", "line 3", "initial.R: matrix 1"},
                                     {"\n [0, 0, 1]]]", "\n [0, 0, 2]]]", "line 4", "initial.R: matrix 2"},
                                     {"[-0.6, 0, 0.8]", "[-0.6, 0, 0.7]", "line 7", "initial.q: row 2"},
@@ -864,7 +866,7 @@ TEST("the files in scenes/ have their form and their start") {
                   {"heavy-top-reduced", "lie-poisson", 6, 2, -9.81},
                   {"chain-2", "lagrangian", 12, 8, 0.70710678118654752},
                   {"chain-20", "lagrangian", 120, 118, 1},
-                  {"quadrotors", NULL, 42, 36, -0.98480775301220806}};
+                  {"quadrotors", "exact-thrusts", 18, 12, -0.98480775301220806}};
     for (size_t i = 0; i < LG_COUNT(scenes); i++) {
         const lg_scene scene =
             read_form(scene_path(scenes[i].name), scenes[i].dim == 0 ? "hamiltonian" : NULL);

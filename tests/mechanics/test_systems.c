@@ -43,7 +43,8 @@ TEST("every system of the table is complete, and all differ") {
     assert_string_equal(lg_system_form(make_system("heavy-top", NULL, NULL, 0)), "cotangent");
 }
 
-static const char top_labels[] = "I1 I2 I3 m L chi1 chi2 chi3 gamma0_1 gamma0_2 gamma0_3";
+static const char top_labels[] = "I1 I2 I3 m L chi1 chi2 chi3 gamma0_1 gamma0_2 gamma0_3",
+                  quadrotor_labels[] = "J1 J2 J3 m_y m1 m2 L1 L2 g kx kv kq kw beta kR kOmega";
 
 static const struct {
     const char *name, *form;
@@ -65,8 +66,9 @@ static const struct {
     {"heavy-top", "lie-poisson", 0, NULL, "Gamma Pi", 6, 6, 3, top_labels},
     {"heavy-top", "quadratic", 0, NULL, "Q pi", 18, 12, 2, top_labels},
     {"satellite", NULL, 0, NULL, "R pi q p", 18, 18, 4, "I1 I2 I3 m L d1 d2 d3 k a1 a2 a3"},
-    {"quadrotors", NULL, 0, &two_masses, "y v R1 Omega1 R2 Omega2 q1 omega1 q2 omega2", 42, 42, 0,
-     "J1 J2 J3 m_y m1 m2 L1 L2 g kx kv kq kw beta"},
+    {"quadrotors", "exact-thrusts", 0, &two_masses, "y v q1 omega1 q2 omega2", 18, 18, 0, quadrotor_labels},
+    {"quadrotors", "attitudes", 0, &two_masses, "y v q1 omega1 q2 omega2 R1 Omega1 R2 Omega2", 42, 42, 0,
+     quadrotor_labels},
 };
 
 TEST("layouts, sizes and labels of parameters are right") {
