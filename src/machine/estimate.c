@@ -13,10 +13,9 @@ typedef struct estimate {
 
 void lg_machine_scale_loss(lg_machine_problem *problem) {
     const lg_machine *machine = problem->machine;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        problem->position_scale[i] = at.places > 0 ? machine->scales.place[at.place] : 1.0;
-        problem->velocity_scale[i] = lg_machine_shown_unit(machine, at.velocity);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
+        problem->position_scale[at.index] = at.places > 0 ? machine->scales.place[at.place] : 1.0;
+        problem->velocity_scale[at.index] = lg_machine_shown_unit(machine, at.velocity);
     }
 }
 

@@ -29,13 +29,17 @@ typedef struct lg_machine_places {
 } lg_machine_places;
 lg_machine_places lg_machine_parts(const lg_machine *machine);
 
-/* Where the numbers of a coordinate begin: among the places, directions, rotations and momenta of a state,
- * and among the positions and velocities of a log; and how many there are (0: no such coordinate). */
+/* Where the numbers of coordinate `index` begin: among the places, directions, rotations and momenta of a
+ * state, and among the positions and velocities of a log; and how many there are (0: no such coordinate). */
 typedef struct lg_machine_offsets {
     uint32_t place, direction, rotation, momentum, position, velocity;
     uint32_t places, directions, rotations, positions, velocities;
+    uint32_t index, next;
     bool angle;
 } lg_machine_offsets;
+/* Goes from {0} to the first coordinate and on to the next one, or behind the last one; returns whether there
+ * is one. */
+LG_API bool lg_machine_next(const lg_machine *machine, lg_machine_offsets *at);
 LG_API lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate);
 
 /* What a term may depend on, for B rows: parts of the state (NULL: the term is a mass that does not depend on

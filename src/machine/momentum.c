@@ -20,7 +20,7 @@ static lg_var momenta_of(lg_tape *tape, const lg_machine *machine, const lg_var 
         const uint32_t rows = lg_var_shape(tape, parts[at.p]).dims[0];
         both[count++] = lg_reshape(tape, parts[at.p], lg_shape2(rows, 3 * machine->directions));
     }
-    return count == 1 ? both[0] : lg_concat(tape, both, 2, 1);
+    return lg_joined(tape, both, count);
 }
 
 /* 1/sqrt(batch) for windows whose rows are complete, 0 for others: (count, 1). */

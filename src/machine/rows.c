@@ -108,8 +108,7 @@ void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log
                             size_t count, double *positions, double *velocities) {
     const lg_machine_scales *s = &machine->scales;
     for (size_t r = 0; r < count; r++)
-        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-            const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
             const double *q = log->q + rows[r] * machine->positions + at.position;
             double *x = positions + r * machine->positions + at.position;
             for (uint32_t k = 0; k < at.positions; k++) {
@@ -118,7 +117,7 @@ void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log
             }
             if (velocities == NULL) continue;
             double *v = velocities + r * machine->velocities + at.velocity;
-            velocity_in(machine, log, rows[r], i, v);
+            velocity_in(machine, log, rows[r], at.index, v);
             for (uint32_t k = 0; k < at.velocities; k++) v[k] *= s->time / s->velocity[at.velocity + k];
         }
 }
@@ -145,8 +144,7 @@ void lg_machine_shown_row(const lg_machine *machine, const lg_machine_log *log, 
 
 void lg_machine_unscale_row(const lg_machine *machine, double *positions, double *velocities) {
     const lg_machine_scales *s = &machine->scales;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         for (uint32_t k = 0; k < at.places; k++) positions[at.position + k] *= s->place[at.place + k];
     }
     for (uint32_t k = 0; k < machine->velocities; k++) velocities[k] *= s->velocity[k] / s->time;

@@ -146,11 +146,9 @@ static lg_var across(lg_tape *tape, const lg_machine *machine, lg_var r, lg_var 
     const lg_var blocks = lg_input_buffer(tape, lg_shape2(n, n), &memory);
     if (lg_is_none(blocks)) return r;
     memset(memory, 0, (size_t)n * n * sizeof(double));
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
-        if (machine->coordinates[i].kind != LG_COORDINATE_DIRECTION) continue;
-        for (uint32_t k = 0; k < 9; k++) ((double *)memory)[(first + k / 3) * n + first + k % 3] = 1.0;
-    }
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
+        for (uint32_t k = 0; k < 9 * at.directions; k++)
+            ((double *)memory)[(at.velocity + k / 3) * n + at.velocity + k % 3] = 1.0;
     const lg_var dots = lg_matmul(tape, lg_mul(tape, r, along), blocks);
     return lg_sub(tape, r, lg_mul(tape, dots, along));
 }

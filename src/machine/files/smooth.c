@@ -57,8 +57,7 @@ static void velocity_of(const lg_machine_offsets *is, const double *q, const dou
 static void smooth_row(const lg_machine *machine, const lg_machine_log *log, size_t first, size_t last,
                        size_t row, size_t degree, double *q, double *v) {
     const uint32_t n = machine->positions;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         double dq[12], *own = q + at.position;
         bool there = true;
         for (uint32_t k = 0; k < at.positions; k++) {
