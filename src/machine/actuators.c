@@ -186,8 +186,8 @@ static lg_var lagged(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, 
     return seen->u;
 }
 
-void lg_numbers_lag(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                    const double *theta) {
+static void lag_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                        const double *theta) {
     for (uint32_t i = 0; i < term->of_count; i++)
         lg_numbers_put(l, machine->scales.lag[0] * exp(span_of(machine) / (1.0 + exp(-theta[i]))), "lag.%s",
                        machine->inputs[term->of[i].index]);
@@ -248,7 +248,7 @@ lg_var lg_machine_record_lag(lg_tape *tape, const lg_machine_vars *vars) {
     {                                                                                                        \
         .name = kind_name, .part = LG_MACHINE_ACTUATOR, .options = LG_TERM_OF | LG_TERM_VALUES,              \
         .parameters = one_each, .initialise = start_lag, .entry = lag_entry, .record = lagged,               \
-        .lag = lag_of, .order = (kind_order), .numbers = lg_numbers_lag                                      \
+        .lag = lag_of, .order = (kind_order), .numbers = lag_numbers                                         \
     }
 
 const lg_term_kind lg_machine_actuator_kinds[] = {LAG("lag", 1),

@@ -10,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "autodiff/tape/tape_internal.h"
 #include "kernels/kernels.h"
 #include "machine/internal.h"
 
@@ -266,5 +266,5 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
     memcpy(all, theta, given * sizeof *all);
     if (!measured) memcpy(all + given, theta + given, starts * sizeof *all);
     e.theta = many ? all + given : all;
-    return lg_machine_conclude(tape, expect(&e, tape, e.J + 2 * e.n * e.n, out), error);
+    return lg_tape_conclude(tape, expect(&e, tape, e.J + 2 * e.n * e.n, out), error);
 }

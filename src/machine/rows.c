@@ -122,14 +122,13 @@ void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log
         }
 }
 
-lg_status lg_machine_record_rows(lg_tape *tape, const lg_machine_problem *problem, const size_t *at,
-                                 size_t count, lg_var *positions, lg_var *velocities) {
-    const lg_machine *machine = problem->machine;
+lg_status lg_machine_record_rows(lg_tape *tape, const lg_machine *machine, const lg_machine_log *log,
+                                 const size_t *at, size_t count, lg_var *positions, lg_var *velocities) {
     void *memory[2];
     *positions = lg_input_buffer(tape, lg_shape2((uint32_t)count, machine->positions), &memory[0]);
     *velocities = lg_input_buffer(tape, lg_shape2((uint32_t)count, machine->velocities), &memory[1]);
     LG_TRY(lg_tape_status(tape));
-    lg_machine_scaled_rows(machine, &problem->log, at, count, memory[0], memory[1]);
+    lg_machine_scaled_rows(machine, log, at, count, memory[0], memory[1]);
     return LG_OK;
 }
 
