@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "files/csv.h"
+#include "liegrad/geometry.h"
 #include "lg-identify/identify.h"
 
 bool identify_is_state(const lg_log_column *column) {
@@ -50,8 +51,7 @@ static void put_attitude(const lg_log_coordinate *at, const double *position, co
 static void put_velocity(const lg_log_coordinate *at, const double *R, const double *v, double *columns) {
     double *to = columns + at->velocity;
     memcpy(to, v, at->velocities * sizeof *to);
-    for (int i = 0; at->space_frame && i < 3; i++)
-        to[i] = R[3 * i] * v[0] + R[3 * i + 1] * v[1] + R[3 * i + 2] * v[2];
+    if (at->space_frame) lg_so3_adjoint(R, v, to);
 }
 
 void identify_to_columns(const lg_machine_file *file, const double *q, const double *v, const double *before,

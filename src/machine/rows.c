@@ -65,15 +65,12 @@ static void difference(const lg_machine *machine, const lg_machine_log *log, uin
     double x[3] = {0, 0, 0};
     for (uint32_t k = 0; k < at.places; k++) x[k] = slope(log, q + k, n, first, last, row);
     if (at.rotations > 0) {
-        const double *R = q + row * n + at.places;
-        for (uint32_t k = 0; k < at.places; k++) out[k] = R[k] * x[0] + R[3 + k] * x[1] + R[6 + k] * x[2];
+        if (at.places > 0) lg_so3_coadjoint(q + row * n + at.places, x, out);
         lg_machine_turn_between(a + at.places, b + at.places, out + at.places);
         for (uint32_t k = at.places; k < at.velocities; k++) out[k] /= h;
     } else if (at.directions > 0) {
-        for (int k = 0; k < 3; k++) {
-            const int l = (k + 1) % 3, m = (k + 2) % 3;
-            out[k] = (a[l] * b[m] - a[m] * b[l]) / h;
-        }
+        lg_cross3(a, b, out);
+        for (int k = 0; k < 3; k++) out[k] /= h;
     } else {
         out[0] = x[0];
     }
