@@ -152,12 +152,11 @@ static double loss_at_rest(const adapting *a) {
     const lg_machine *machine = &run->machine;
     const size_t nq = machine->positions, nv = machine->velocities;
     double sum = 0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         const size_t width = at.positions;
         for (size_t k = 0; k < width + at.velocities; k++) {
             const double *x = k < width ? a->begin.q + at.position + k : a->begin.v + at.velocity + k - width,
-                         scale = k < width ? run->position_scale[i] : run->velocity_scale[i];
+                         scale = k < width ? run->position_scale[at.index] : run->velocity_scale[at.index];
             double mean = 0, square = 0;
             size_t n = 0;
             for (size_t row = 0; row < a->cut; row++) {

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "files/csv.h"
+#include "liegrad/geometry.h"
 #include "lg-identify/identify.h"
 
 bool identify_is_state(const lg_log_column *column) {
@@ -50,15 +51,13 @@ static void put_attitude(const lg_log_coordinate *at, const double *position, co
 static void put_velocity(const lg_log_coordinate *at, const double *R, const double *v, double *columns) {
     double *to = columns + at->velocity;
     memcpy(to, v, at->velocities * sizeof *to);
-    for (int i = 0; at->space_frame && i < 3; i++)
-        to[i] = R[3 * i] * v[0] + R[3 * i + 1] * v[1] + R[3 * i + 2] * v[2];
+    if (at->space_frame) lg_so3_adjoint(R, v, to);
 }
 
 void identify_to_columns(const lg_machine_file *file, const double *q, const double *v, const double *before,
                          double *columns) {
-    for (uint32_t i = 0; i < file->machine.coordinate_count; i++) {
-        const lg_log_coordinate *at = &file->coordinates[i];
-        const lg_machine_offsets of = lg_machine_offsets_of(&file->machine, i);
+    for (lg_machine_offsets of = {0}; lg_machine_next(&file->machine, &of);) {
+        const lg_log_coordinate *at = &file->coordinates[of.index];
         memcpy(columns + at->place, q, at->places * sizeof *columns);
         if (at->attitudes > 0) put_attitude(at, q + at->places, before, columns);
         if (at->velocities > 0) put_velocity(at, q + at->places, v, columns);
@@ -166,15 +165,14 @@ typedef struct number {
 static void name_numbers(const lg_machine_file *file, number *out) {
     const lg_machine *machine = &file->machine;
     number *position = out, *velocity = out + machine->positions, *input = velocity + machine->velocities;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_coordinate *c = &machine->coordinates[i];
-        const lg_log_coordinate *at = &file->coordinates[i];
-        const lg_machine_offsets of = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets of = {0}; lg_machine_next(machine, &of);) {
+        const lg_machine_coordinate *c = &machine->coordinates[of.index];
+        const lg_log_coordinate *at = &file->coordinates[of.index];
         for (uint32_t k = 0; k < of.positions; k++, position++) {
             const bool measured = at->places + at->attitudes > 0;
             const bool same = measured && (k < at->places || at->attitudes != 4);
             const uint32_t column = k < at->places ? at->place + k : at->attitude + k - at->places;
-            position->used = lg_machine_sees(machine, LG_MACHINE_PART_COUNT, i);
+            position->used = lg_machine_sees(machine, LG_MACHINE_PART_COUNT, of.index);
             position->angle = of.angle;
             if (same)
                 (void)snprintf(position->name, sizeof position->name, "column %s",

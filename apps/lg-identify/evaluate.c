@@ -218,8 +218,7 @@ static void slope(const linear_model *linear, const double *q, const double *v, 
     for (size_t k = 0; k < nv; k++) dv[k] = 0;
     for (size_t i = 0; i < linear->features; i++)
         for (size_t k = 0; k < nv; k++) dv[k] += linear->A[k * linear->features + i] * x[i];
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         const double *R = q + at.places, *rate = v + at.velocities - 3;
         for (uint32_t k = 0; k < at.places; k++) dq[k] = at.rotations > 0 ? lg_dot3(R + 3 * k, v) : v[k];
         if (at.directions > 0) lg_cross3(v, q, dq);
@@ -229,8 +228,7 @@ static void slope(const linear_model *linear, const double *q, const double *v, 
 }
 
 static void project(const lg_machine *machine, double *q) {
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         double *own = q + at.position;
         if (at.rotations > 0) lg_so3_project(own + at.places);
         const double norm = at.directions > 0 ? sqrt(lg_dot3(own, own)) : 1;

@@ -195,11 +195,10 @@ static double one_of(const lg_reals *by, bool velocity, double otherwise) {
 /* Moves a state by normal random numbers with the given standard deviations for each coordinate. */
 static void scatter(const lg_machine *machine, lg_rng *rng, const double *position, const double *velocity,
                     double *q, double *v) {
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         double turn[3], turned[9];
-        for (uint32_t k = 0; k < at.places; k++) q[k] += position[i] * lg_rng_normal(rng);
-        for (int k = 0; k < 3; k++) turn[k] = position[i] * lg_rng_normal(rng);
+        for (uint32_t k = 0; k < at.places; k++) q[k] += position[at.index] * lg_rng_normal(rng);
+        for (int k = 0; k < 3; k++) turn[k] = position[at.index] * lg_rng_normal(rng);
         if (at.directions > 0) {
             lg_so3_exp_act(turn, q, turned);
             memcpy(q, turned, 3 * sizeof *q);
@@ -208,7 +207,7 @@ static void scatter(const lg_machine *machine, lg_rng *rng, const double *positi
             lg_so3_exp_multiply(turn, q + at.places, turned);
             memcpy(q + at.places, turned, sizeof turned);
         }
-        for (uint32_t k = 0; k < at.velocities; k++) v[k] += velocity[i] * lg_rng_normal(rng);
+        for (uint32_t k = 0; k < at.velocities; k++) v[k] += velocity[at.index] * lg_rng_normal(rng);
         if (at.directions > 0) {
             const double along = lg_dot3(v, q);
             for (int k = 0; k < 3; k++) v[k] -= along * q[k];

@@ -53,19 +53,19 @@ typedef struct sums {
     size_t count, early_count, late_count;
 } sums;
 
-static double column_error(const lg_machine *machine, uint32_t coordinate, double a, double b) {
-    return machine->coordinates[coordinate].kind == LG_COORDINATE_ANGLE ? lg_machine_wrap(a - b) : a - b;
+static double column_error(bool angle, double a, double b) {
+    return angle ? lg_machine_wrap(a - b) : a - b;
 }
 
 static sums add_runs(const lg_machine *machine, const lg_machine_log *log, const double *q,
-                     const double *with, uint32_t coordinate, uint32_t position) {
+                     const double *with, const lg_machine_offsets *of) {
     sums out = {0};
     for (size_t part = 0; part < log->parts; part++) {
         const size_t first = log->first[part], rows = log->first[part + 1] - first;
         for (size_t i = 0; i < rows; i++) {
-            const size_t at = (first + i) * machine->positions + position;
-            const double e = column_error(machine, coordinate, q[at], log->q[at]),
-                         s = column_error(machine, coordinate, with[at], q[at]);
+            const size_t at = (first + i) * machine->positions + of->position;
+            const double e = column_error(of->angle, q[at], log->q[at]),
+                         s = column_error(of->angle, with[at], q[at]);
             if (!isfinite(e) || !isfinite(s)) continue;
             out.ee += e * e, out.es += e * s, out.ss += s * s, out.count++;
             if (4 * i >= rows && 2 * i < rows) out.early += s * s, out.early_count++;
@@ -83,21 +83,20 @@ static bool grows(const sums *s) {
 }
 
 static void look_at(const app *self, const identify_given *given, pushed *p, const identify_runs *runs,
-                    uint32_t i, identify_runs *with, identify_offset *out) {
+                    const lg_machine_offsets *at, identify_runs *with, identify_offset *out) {
     const lg_machine_log *log = &given->data.logs.log;
     const lg_machine *machine = given->model.machine;
-    const uint32_t position = lg_machine_offsets_of(machine, i).position,
-                   velocity = lg_machine_offsets_of(machine, i).velocity;
+    const uint32_t velocity = at->velocity;
     push(p, velocity, 1);
     identify_run_log(self, &p->model, log, with);
     push(p, velocity, -1);
-    const sums s = add_runs(machine, log, runs->q, with->q, i, position);
+    const sums s = add_runs(machine, log, runs->q, with->q, at);
     if (!(s.ee > 0 && s.ss > 0) || !grows(&s)) return;
     const double x = -s.es / s.ss;
     push(p, velocity, x);
     identify_run_log(self, &p->model, log, with);
     push(p, velocity, -x);
-    const sums left = add_runs(machine, log, with->q, runs->q, i, position);
+    const sums left = add_runs(machine, log, with->q, runs->q, at);
     out->force = x * force_of(p, velocity);
     out->without = sqrt(s.ee / (double)s.count);
     out->with = sqrt(left.ee / (double)left.count);
@@ -111,10 +110,9 @@ void identify_find_offsets(const app *self, const identify_given *given, const i
     memset(out, 0, LG_MACHINE_COORDINATES * sizeof *out);
     if (!pushed_create(self, given, &p)) return;
     identify_runs with = identify_runs_begin(&given->model, &given->data.logs.log, 0);
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        if (lg_machine_offsets_of(machine, i).positions == 1) /* a line or an angle */
-            look_at(self, given, &p, runs, i, &with, &out[i]);
-    }
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
+        if (at.positions == 1) /* a line or an angle */
+            look_at(self, given, &p, runs, &at, &with, &out[at.index]);
 }
 
 /* ---- velocities of logs that have positions alone ---- */

@@ -156,18 +156,16 @@ static void put_terms(app_plot *plot, const identify_plot *of) {
     double low, high;
     while (row + 1 < log->rows && !lg_machine_log_complete(machine, log, row, true)) row++;
     memcpy(s.middle, log->q + row * nq, nq * sizeof *s.middle);
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         if (at.velocities == 1)
             s.middle[at.position] = column_mean(log->q + at.position, log->rows, nq, &low, &high);
     }
     if (damped) s.lacking_count = identify_lacking(app_running(), of->given, &s.lacking_v, &s.lacking);
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++) {
             char name[LG_MACHINE_NAME + 12];
             lg_machine_velocity_name(machine, k, name, sizeof name);
-            if (at.velocities == 1 && lg_machine_sees(machine, LG_MACHINE_POTENTIAL, i))
+            if (at.velocities == 1 && lg_machine_sees(machine, LG_MACHINE_POTENTIAL, at.index))
                 put_term(plot, &s, name, at.position, false, at.angle);
             if (damped) put_term(plot, &s, name, k, true, false);
         }

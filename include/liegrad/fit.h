@@ -91,7 +91,7 @@ typedef struct lg_fit_problem {
     /* Records the contribution of these samples to the loss of the batch: the contributions of all parts of a
      * batch add up to its loss. So if the loss is a mean, it records the sum over the `count` samples,
      * divided by `batch`. theta is a flat variable (rank 1) of the tape's type; *loss is a variable with one
-     * element. */
+     * element. NULL: the sum of the squares of `residuals`. */
     lg_status (*loss)(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                       size_t batch, lg_var *loss);
     void *user; /* passed to all callbacks */

@@ -1,6 +1,5 @@
 /* Squared distances between predicted and given points, for the loss; see liegrad/hamiltonian.h. */
-#include "core/core.h"
-#include "liegrad/ops.h"
+#include "autodiff/tape/tape_internal.h"
 #include "hamiltonian/internal.h"
 
 /* ---- distances on T*S^2, with q and p (B, k, 3) ---- */
@@ -81,7 +80,7 @@ lg_var lg_hamiltonian_squared_distance(lg_tape *tape, lg_hamiltonian_distance ki
     for (size_t part = 0, factor = 0; part < lg_taped_parts(space); part++, factor++) {
         const bool curved = kind == LG_DISTANCE_GEODESIC && space->factor[factor].kind == LG_SPACE_TS2;
         const lg_var more = (curved ? on_cotangent_spheres : flat)(tape, weight + part, a + part, b + part);
-        total = lg_is_none(total) ? more : lg_add(tape, total, more);
+        total = lg_add_or(tape, total, more);
         if (curved) part++;
     }
     return total;

@@ -3,6 +3,7 @@
 #ifndef LG_HAMILTONIAN_INTERNAL_H
 #define LG_HAMILTONIAN_INTERNAL_H
 
+#include "integrators/taped_internal.h"
 #include "liegrad/hamiltonian.h"
 #include "mechanics/engine.h"
 

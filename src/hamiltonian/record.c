@@ -37,7 +37,7 @@ lg_var lg_hamiltonian_joined(lg_tape *tape, const lg_hamiltonian_family *family,
         flat[pairs] = lg_reshape(
             tape, part, lg_shape2(lg_var_shape(tape, part).dims[0], lg_hamiltonian_width(tape, part)));
     }
-    return pairs == 1 ? flat[0] : lg_concat(tape, flat, pairs, 1);
+    return lg_joined(tape, flat, pairs);
 }
 
 void lg_hamiltonian_cut(lg_tape *tape, const lg_hamiltonian_family *family, const lg_var *y, lg_var x,

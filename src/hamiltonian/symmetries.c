@@ -39,7 +39,7 @@ static lg_var in_frame(lg_tape *tape, const lg_hamiltonian *model, lg_var x, boo
         const lg_var q = lg_reshape(tape, lg_slice(tape, x, 1, 9, 3 * k), lg_shape3(rows, k, 3));
         part[parts++] = lg_reshape(tape, lg_matmul(tape, q, R), lg_shape2(rows, 3 * k));
     }
-    return parts == 1 ? part[0] : lg_concat(tape, part, parts, 1);
+    return lg_joined(tape, part, parts);
 }
 
 /* ---- invariants of a chain's q_i, from their coordinates q[0], q[1], q[2], each (B, n) ---- */

@@ -3,11 +3,10 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "autodiff/tape/tape_internal.h"
 #include "core/numbers.h"
 #include "integrators/stepper.h"
 #include "integrators/taped_internal.h"
-#include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
 /* ---- data ---- */
@@ -69,8 +68,7 @@ static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem,
         lg_var each = problem->penalty_form == LG_PENALTY_MEAN_SQUARE
                           ? lg_square(tape, gap)
                           : lg_scale(tape, lg_abs(tape, gap), 2.0);
-        lg_var sum = lg_sum(tape, each);
-        total = lg_is_none(total) ? sum : lg_add(tape, total, sum);
+        total = lg_add_or(tape, total, lg_sum(tape, each));
     }
     return total;
 }

@@ -3,6 +3,7 @@
 #define LG_TAPED_INTERNAL_H
 
 #include "core/core.h"
+#include "liegrad/ops.h"
 #include "liegrad/program.h"
 #include "liegrad/taped.h"
 
@@ -74,5 +75,10 @@ typedef struct lg_root {
  * with `part` that are not put on the tape (lg_root_failed): LG_NO_CONVERGENCE, LG_NOT_FINITE (at 0). */
 lg_status lg_taped_root(lg_tape *tape, const lg_root *root, lg_var first, lg_var *x);
 bool lg_root_failed(lg_status status);
+
+/* Joins the arrays (B, ...) along their second axis. */
+static inline lg_var lg_joined(lg_tape *tape, const lg_var *parts, uint32_t n) {
+    return n == 1 ? parts[0] : lg_concat(tape, parts, n, 1);
+}
 
 #endif

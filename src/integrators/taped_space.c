@@ -297,7 +297,7 @@ static lg_var join(lg_tape *tape, const lg_space *space, side which, const lg_va
         block[f] = lg_reshape(tape, block[f], lg_shape2(batch, count * (width[0] + width[1])));
     }
     if (lg_tape_status(tape) != LG_OK) return LG_NONE;
-    return space->factors == 1 ? block[0] : lg_concat(tape, block, space->factors, 1);
+    return lg_joined(tape, block, space->factors);
 }
 
 lg_status lg_taped_split(lg_tape *tape, const lg_space *space, lg_var y, lg_var *parts) {

@@ -5,8 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "core/core.h"
-#include "liegrad/ops.h"
+#include "autodiff/tape/tape_internal.h"
 #include "machine/internal.h"
 
 /* ---- columns of inputs ---- */
@@ -50,7 +49,7 @@ lg_var lg_machine_put_lagged(lg_tape *tape, const lg_machine *machine, lg_var u,
         if (lags) next += lg_machine_lag_order(machine, next);
         each[j] = lags ? lg_machine_columns(tape, x, next - 1, 1) : lg_machine_columns(tape, u, j, 1);
     }
-    return m == 1 ? each[0] : lg_concat(tape, each, m, 1);
+    return lg_joined(tape, each, m);
 }
 
 lg_var lg_machine_record_actuated(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
@@ -187,8 +186,8 @@ static lg_var lagged(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, 
     return seen->u;
 }
 
-void lg_numbers_lag(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
-                    const double *theta) {
+static void lag_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
+                        const double *theta) {
     for (uint32_t i = 0; i < term->of_count; i++)
         lg_numbers_put(l, machine->scales.lag[0] * exp(span_of(machine) / (1.0 + exp(-theta[i]))), "lag.%s",
                        machine->inputs[term->of[i].index]);
@@ -236,7 +235,7 @@ lg_var lg_machine_record_lag(lg_tape *tape, const lg_machine_vars *vars) {
         for (uint32_t o = 0; o < term->kind->order; o++) {
             const lg_var placed =
                 lg_matmul(tape, own, lg_machine_record_selection(tape, at, term->of_count, machine->lags));
-            sum = lg_is_none(sum) ? placed : lg_add(tape, sum, placed);
+            sum = lg_add_or(tape, sum, placed);
             for (uint32_t k = 0; k < term->of_count; k++) at[k]++;
         }
     }
@@ -249,7 +248,7 @@ lg_var lg_machine_record_lag(lg_tape *tape, const lg_machine_vars *vars) {
     {                                                                                                        \
         .name = kind_name, .part = LG_MACHINE_ACTUATOR, .options = LG_TERM_OF | LG_TERM_VALUES,              \
         .parameters = one_each, .initialise = start_lag, .entry = lag_entry, .record = lagged,               \
-        .lag = lag_of, .order = (kind_order), .numbers = lg_numbers_lag                                      \
+        .lag = lag_of, .order = (kind_order), .numbers = lag_numbers                                         \
     }
 
 const lg_term_kind lg_machine_actuator_kinds[] = {LAG("lag", 1),

@@ -222,8 +222,7 @@ static void keep_all_across(const lg_chain *c, size_t row, double *r, double *ja
     const lg_machine *machine = c->problem->machine;
     double along[LG_MACHINE_VELOCITIES];
     lg_machine_along_row(c->problem, row, along);
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         const uint32_t first = at.velocity;
         if (at.directions == 0) continue;
         keep_across(along + first, r + first, 1);

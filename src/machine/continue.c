@@ -3,8 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
-#include "liegrad/ops.h"
+#include "autodiff/tape/tape_internal.h"
 #include "machine/internal.h"
 
 typedef struct walk {
@@ -198,7 +197,7 @@ lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine
     walk x;
     lg_status status = open_walk(context, problem, theta, losses, &x);
     if (status == LG_OK) status = go_along(&x);
-    status = lg_machine_conclude(x.tape, status, error);
+    status = lg_tape_conclude(x.tape, status, error);
     close_walk(&x);
     return status;
 }
@@ -240,7 +239,7 @@ static lg_status settle(walk *x, lg_error *error) {
             LG_TRY(lg_machine_fit_starts(x->context, x->problem, first, count, x->theta, error));
         }
         memcpy(x->before, x->theta, x->parameters * sizeof *x->before);
-        LG_TRY(lg_machine_conclude(x->tape, go_along(x), error));
+        LG_TRY(lg_tape_conclude(x->tape, go_along(x), error));
         if (memcmp(x->before, x->theta, x->parameters * sizeof *x->before) == 0) break;
     }
     return LG_OK;
@@ -257,9 +256,9 @@ static lg_status estimate_states(const lg_context *context, const lg_machine_pro
         memset(memory, 0, n * sizeof *memory);
         status = settle(&x, error);
         for (size_t first = 0; first < problem->windows && status == LG_OK; first += LG_FIT_CHUNK)
-            status = lg_machine_conclude(x.tape, write_states(&x, first, q, v), error);
+            status = lg_tape_conclude(x.tape, write_states(&x, first, q, v), error);
     } else {
-        (void)lg_machine_conclude(x.tape, status, error);
+        (void)lg_tape_conclude(x.tape, status, error);
     }
     close_walk(&x);
     return status;

@@ -19,27 +19,31 @@ uint32_t lg_coordinate_positions(lg_coordinate_kind kind) {
     return row->places + 3 * row->directions + 9 * row->rotations;
 }
 
+bool lg_machine_next(const lg_machine *machine, lg_machine_offsets *at) {
+    static const lg_coordinate_row none = {0};
+    const bool more = at->next < machine->coordinate_count;
+    const lg_coordinate_kind kind = more ? machine->coordinates[at->next].kind : LG_COORDINATE_LINE;
+    const lg_coordinate_row *row = more ? &coordinate_rows[kind] : &none;
+    *at = (lg_machine_offsets){.place = at->place + at->places,
+                               .direction = at->direction + at->directions,
+                               .rotation = at->rotation + at->rotations,
+                               .momentum = at->momentum + (at->directions > 0 ? 0 : at->velocities),
+                               .position = at->position + at->positions,
+                               .velocity = at->velocity + at->velocities,
+                               .places = row->places,
+                               .directions = row->directions,
+                               .rotations = row->rotations,
+                               .positions = row->places + 3 * row->directions + 9 * row->rotations,
+                               .velocities = row->velocities,
+                               .index = at->next,
+                               .next = at->next + 1,
+                               .angle = kind == LG_COORDINATE_ANGLE};
+    return more;
+}
+
 lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate) {
     lg_machine_offsets at = {0};
-    for (uint32_t i = 0; i < coordinate; i++) {
-        const lg_coordinate_kind kind = machine->coordinates[i].kind;
-        const lg_coordinate_row *row = &coordinate_rows[kind];
-        at.place += row->places;
-        at.direction += row->directions;
-        at.rotation += row->rotations;
-        at.momentum += row->directions > 0 ? 0 : row->velocities;
-        at.position += lg_coordinate_positions(kind);
-        at.velocity += row->velocities;
-    }
-    if (coordinate >= machine->coordinate_count) return at;
-    const lg_coordinate_kind kind = machine->coordinates[coordinate].kind;
-    const lg_coordinate_row *row = &coordinate_rows[kind];
-    at.places = row->places;
-    at.directions = row->directions;
-    at.rotations = row->rotations;
-    at.positions = lg_coordinate_positions(kind);
-    at.velocities = row->velocities;
-    at.angle = kind == LG_COORDINATE_ANGLE;
+    for (uint32_t i = 0; i <= coordinate; i++) (void)lg_machine_next(machine, &at);
     return at;
 }
 
@@ -78,8 +82,7 @@ lg_status lg_machine_full_space(const lg_machine *machine, lg_space *space) {
 
 uint32_t lg_machine_mass_velocities(const lg_machine *machine, bool directions, uint32_t *list) {
     uint32_t count = 0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         if ((at.directions > 0) != directions) continue;
         for (uint32_t k = 0; k < (directions ? 1 : at.velocities); k++) list[count++] = at.velocity + k;
     }

@@ -167,7 +167,7 @@ lg_var lg_machine_record_priors(lg_tape *tape, const lg_machine_vars *vars, uint
     }
     const lg_var zeros = lg_full(tape, lg_shape2(rows, count), 0.0);
     lg_tape_mark_rows(tape, zeros);
-    return lg_add(tape, zeros, count == 1 ? each[0] : lg_concat(tape, each, count, 1));
+    return lg_add(tape, zeros, lg_joined(tape, each, count));
 }
 
 uint32_t lg_machine_problem_priors(const lg_machine_problem *problem) {

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/tape/tape_internal.h"
 #include "core/clean.h"
 #include "machine/internal.h"
 
@@ -13,10 +14,9 @@ typedef struct estimate {
 
 void lg_machine_scale_loss(lg_machine_problem *problem) {
     const lg_machine *machine = problem->machine;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        problem->position_scale[i] = at.places > 0 ? machine->scales.place[at.place] : 1.0;
-        problem->velocity_scale[i] = lg_machine_shown_unit(machine, at.velocity);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
+        problem->position_scale[at.index] = at.places > 0 ? machine->scales.place[at.place] : 1.0;
+        problem->velocity_scale[at.index] = lg_machine_shown_unit(machine, at.velocity);
     }
 }
 
@@ -66,13 +66,12 @@ static lg_status read_starts(const estimate *e, const lg_machine_problem *proble
     const uint32_t rows = (uint32_t)problem->windows, nq = machine->positions, nv = machine->velocities;
     lg_tape *tape = e->tape;
     lg_machine_vars vars;
-    lg_var parts[LG_TAPED_MAX_PARTS];
+    lg_var parts[LG_TAPED_MAX_PARTS], positions, velocities;
     lg_tape_reset(tape);
     LG_TRY(lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, problem->theta), &vars));
-    lg_machine_scaled_rows(machine, &problem->log, problem->start, rows, q, v);
-    const lg_var numbers = lg_input_f64(tape, lg_shape2(rows, lg_machine_start_numbers(machine)), e->numbers),
-                 positions = lg_input_f64(tape, lg_shape2(rows, nq), q),
-                 velocities = lg_input_f64(tape, lg_shape2(rows, nv), v);
+    LG_TRY(
+        lg_machine_record_rows(tape, machine, &problem->log, problem->start, rows, &positions, &velocities));
+    const lg_var numbers = lg_input_f64(tape, lg_shape2(rows, lg_machine_start_numbers(machine)), e->numbers);
     LG_TRY(lg_machine_move_starts(tape, problem, &vars, numbers, positions, velocities, parts));
     LG_TRY(lg_read(tape, lg_machine_record_positions(tape, &vars, parts), (size_t)rows * nq, q));
     LG_TRY(lg_read(tape, lg_machine_record_velocities(tape, &vars, parts), (size_t)rows * nv, v));
@@ -85,8 +84,7 @@ static lg_status estimate_group(const estimate *e, const lg_machine_problem *pro
     const size_t numbers = problem->windows * lg_machine_start_numbers(problem->machine);
     memset(e->numbers, 0, numbers * sizeof *e->numbers);
     LG_TRY(lg_machine_fit_starts(e->context, problem, 0, problem->windows, e->numbers, error));
-    const lg_status status = read_starts(e, problem, q, v);
-    return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", lg_tape_message(e->tape));
+    return lg_tape_conclude(e->tape, read_starts(e, problem, q, v), error);
 }
 
 static uint32_t rows_of(const lg_machine_log *log, size_t row, uint32_t window) {

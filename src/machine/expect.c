@@ -10,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "autodiff/tape/tape_internal.h"
 #include "kernels/kernels.h"
 #include "machine/internal.h"
 
@@ -173,16 +173,15 @@ static void add_change(const lg_machine_problem *problem, const double *mean, si
         double *now = v[j % 2], *before = v[1 - j % 2];
         lg_machine_shown_row(machine, &problem->log, row, q, now);
         lg_machine_weigh_row(problem, row, 1.0, q, there);
-        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-            const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
             for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++) {
                 now[k] = (now[k] - mean[k]) * lg_machine_shown_unit(machine, k);
                 if (j > 0 && !machine->accelerations)
                     run[k] += 0.5 * (now[k] + before[k]) * (problem->log.t[row] - problem->log.t[row - 1]);
-                const double speed = there[k] != 0.0 ? now[k] / problem->velocity_scale[i] : 0.0,
-                             way = run[k] / problem->position_scale[i];
-                out->velocity[i] += factor * speed * speed;
-                out->position[i] += factor * way * way;
+                const double speed = there[k] != 0.0 ? now[k] / problem->velocity_scale[at.index] : 0.0,
+                             way = run[k] / problem->position_scale[at.index];
+                out->velocity[at.index] += factor * speed * speed;
+                out->position[at.index] += factor * way * way;
             }
         }
     }
@@ -267,5 +266,5 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
     memcpy(all, theta, given * sizeof *all);
     if (!measured) memcpy(all + given, theta + given, starts * sizeof *all);
     e.theta = many ? all + given : all;
-    return lg_machine_conclude(tape, expect(&e, tape, e.J + 2 * e.n * e.n, out), error);
+    return lg_tape_conclude(tape, expect(&e, tape, e.J + 2 * e.n * e.n, out), error);
 }

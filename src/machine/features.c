@@ -128,7 +128,7 @@ lg_var lg_machine_record_features(lg_tape *tape, const lg_machine *machine, cons
     uint32_t count = 0;
     for (uint32_t i = 0; i < term->of_count; i++)
         count += record_feature(tape, machine, term->of[i], seen, all + count);
-    return count == 1 ? all[0] : lg_concat(tape, all, count, 1);
+    return lg_joined(tape, all, count);
 }
 
 lg_var lg_machine_record_network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
@@ -176,7 +176,7 @@ lg_var lg_machine_record_monomials(lg_tape *tape, const lg_monomials *monomials,
         all[i] = columns[factor[0]];
         for (uint32_t k = 1; factor[k] != UINT32_MAX; k++) all[i] = lg_mul(tape, all[i], columns[factor[k]]);
     }
-    return monomials->count == 1 ? all[0] : lg_concat(tape, all, monomials->count, 1);
+    return lg_joined(tape, all, monomials->count);
 }
 
 /* ---- matrices ---- */
@@ -212,7 +212,7 @@ lg_var lg_machine_record_triangle(lg_tape *tape, lg_var packed, uint32_t n, bool
         lg_var both[2];
         both[0] = lg_exp(tape, lg_machine_columns(tape, packed, 0, n));
         if (n > 1) both[1] = lg_slice(tape, packed, 1, n, count - n);
-        packed = n > 1 ? lg_concat(tape, both, 2, 1) : both[0];
+        packed = lg_joined(tape, both, n > 1 ? 2 : 1);
     }
     if (n > 1) packed = lg_matmul(tape, packed, selection(tape, n));
     return lg_reshape(tape, packed, lg_shape3(rows, n, n));

@@ -8,8 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
-#include "liegrad/ops.h"
+#include "autodiff/tape/tape_internal.h"
 #include "machine/internal.h"
 
 /* ---- coefficients ---- */
@@ -449,8 +448,7 @@ static lg_var weighted(const rubbing *r, lg_var x) {
     for (uint32_t f = 0; f < count; f++) {
         const lg_var factor = r->term->kind->friction->at(r, f + 1, unit);
         const lg_var each = r->term->of_count > 0 ? lg_machine_columns(r->tape, x, f, 1) : x;
-        const lg_var more = lg_mul(r->tape, each, factor);
-        sum = lg_is_none(sum) ? more : lg_add(r->tape, sum, more);
+        sum = lg_add_or(r->tape, sum, lg_mul(r->tape, each, factor));
     }
     return sum;
 }

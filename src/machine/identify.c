@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "autodiff/tape/tape_internal.h"
 #include "kernels/lapack.h"
 #include "kernels/matrix.h"
 #include "machine/internal.h"
@@ -455,7 +455,7 @@ static lg_status gather(normal *s, bool scored) {
 }
 
 static lg_status finish(normal *s, lg_status status, lg_error *error) {
-    (void)lg_machine_conclude(s->tape, status, error);
+    (void)lg_tape_conclude(s->tape, status, error);
     lg_tape_destroy(s->tape);
     LG_FREE_ALL(s->context, s->jacobian, s->scores);
     return status;

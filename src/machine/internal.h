@@ -29,13 +29,17 @@ typedef struct lg_machine_places {
 } lg_machine_places;
 lg_machine_places lg_machine_parts(const lg_machine *machine);
 
-/* Where the numbers of a coordinate begin: among the places, directions, rotations and momenta of a state,
- * and among the positions and velocities of a log; and how many there are (0: no such coordinate). */
+/* Where the numbers of coordinate `index` begin: among the places, directions, rotations and momenta of a
+ * state, and among the positions and velocities of a log; and how many there are (0: no such coordinate). */
 typedef struct lg_machine_offsets {
     uint32_t place, direction, rotation, momentum, position, velocity;
     uint32_t places, directions, rotations, positions, velocities;
+    uint32_t index, next;
     bool angle;
 } lg_machine_offsets;
+/* Goes from {0} to the first coordinate and on to the next one, or behind the last one; returns whether there
+ * is one. */
+LG_API bool lg_machine_next(const lg_machine *machine, lg_machine_offsets *at);
 LG_API lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate);
 
 /* What a term may depend on, for B rows: parts of the state (NULL: the term is a mass that does not depend on
@@ -69,7 +73,7 @@ typedef struct lg_number_list {
 typedef void lg_term_numbers(lg_number_list *list, const lg_machine *machine, const lg_machine_term *term,
                              const double *theta);
 lg_term_numbers lg_numbers_mass, lg_numbers_each, lg_numbers_constant_damping, lg_numbers_bias,
-    lg_numbers_grey, lg_numbers_lag;
+    lg_numbers_grey;
 /* lg_term_kind.entry of potentials that are sums of monomials. */
 void lg_machine_potential_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
                                 lg_entry_about *out);
@@ -429,9 +433,9 @@ lg_var lg_machine_record_shown(lg_tape *tape, const lg_machine_vars *vars, const
  * rows. */
 void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log, const size_t *at,
                             size_t count, double *positions, double *velocities);
-/* Records these rows of the problem's log, on a tape in double precision. */
-lg_status lg_machine_record_rows(lg_tape *tape, const lg_machine_problem *problem, const size_t *at,
-                                 size_t count, lg_var *positions, lg_var *velocities);
+/* Records these rows, on a tape in double precision. */
+lg_status lg_machine_record_rows(lg_tape *tape, const lg_machine *machine, const lg_machine_log *log,
+                                 const size_t *at, size_t count, lg_var *positions, lg_var *velocities);
 /* Converts one row of scaled numbers to the units of the log, in place; exported because lg-identify uses
  * it. */
 LG_API void lg_machine_unscale_row(const lg_machine *machine, double *positions, double *velocities);
@@ -490,9 +494,6 @@ lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, c
  * computes the loss of these samples, or if `floor` is not NULL adds the part that comes from the steps to it
  * (NaN: the windows are too unstable). */
 bool lg_machine_is_long(const lg_machine_problem *problem);
-/* Returns `status`. Unless it is LG_OK, writes a sentence: the sentence of the tape if the tape (may be NULL)
- * has failed, otherwise the sentence of the status. */
-lg_status lg_machine_conclude(const lg_tape *tape, lg_status status, lg_error *error);
 lg_status lg_machine_long_loss(const lg_machine_problem *problem, lg_tape *tape, const double *theta,
                                const uint32_t *samples, size_t count, size_t batch, double *loss,
                                double *floor);

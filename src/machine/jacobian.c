@@ -43,10 +43,9 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
     lg_machine_weigh_row(problem, row, factor, share, share + machine->positions);
     lg_machine_along_row(problem, row, along);
     for (uint32_t i = 0; i < machine->positions + machine->velocities; i++) share[i] = share[i] != 0.0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        const double position = factor * noise->position[i] / problem->position_scale[i],
-                     velocity = factor * noise->velocity[i] / problem->velocity_scale[i];
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
+        const double position = factor * noise->position[at.index] / problem->position_scale[at.index],
+                     velocity = factor * noise->velocity[at.index] / problem->velocity_scale[at.index];
         double *of_q = share + at.position, *of_v = share + machine->positions + at.velocity;
         for (uint32_t k = 0; k < at.positions; k++) of_q[k] *= position * position;
         for (uint32_t k = 0; k < at.velocities; k++) of_v[k] *= velocity * velocity;

@@ -13,10 +13,9 @@ enum { MOST = LG_MACHINE_POSITIONS + LG_MACHINE_COORDINATES };
  * many numbers these are. */
 static uint32_t embed(const lg_machine *machine, const double *positions, double *out) {
     uint32_t count = 0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         const double *q = positions + at.position;
-        if (!lg_machine_sees(machine, LG_MACHINE_MASS, i)) continue;
+        if (!lg_machine_sees(machine, LG_MACHINE_MASS, at.index)) continue;
         if (at.angle) {
             out[count++] = sin(*q);
             out[count++] = cos(*q);

@@ -20,7 +20,7 @@ static lg_var momenta_of(lg_tape *tape, const lg_machine *machine, const lg_var 
         const uint32_t rows = lg_var_shape(tape, parts[at.p]).dims[0];
         both[count++] = lg_reshape(tape, parts[at.p], lg_shape2(rows, 3 * machine->directions));
     }
-    return count == 1 ? both[0] : lg_concat(tape, both, 2, 1);
+    return lg_joined(tape, both, count);
 }
 
 /* 1/sqrt(batch) for windows whose rows are complete, 0 for others: (count, 1). */
@@ -43,14 +43,13 @@ static lg_status momentum_residuals(void *user, lg_tape *tape, lg_var theta, con
     const lg_machine *machine = problem->machine;
     size_t at[LG_FIT_CHUNK];
     lg_machine_vars vars;
+    lg_machine_flow flow;
     lg_var parts[LG_TAPED_MAX_PARTS], q, v, sum = LG_NONE;
     for (size_t s = 0; s < count; s++) at[s] = problem->start[samples[s]];
     const lg_var weights = weights_of(tape, problem, at, count, batch);
-    LG_TRY(lg_machine_bind(tape, machine, theta, &vars));
-    lg_machine_flow flow = {.vars = &vars, .scheme = problem->scheme, .substeps = problem->substeps};
-    LG_TRY(lg_machine_space(machine, &flow.space));
+    LG_TRY(lg_machine_begin_flow(tape, machine, problem->scheme, problem->substeps, theta, &vars, &flow));
     for (uint32_t j = 0;; j++) {
-        LG_TRY(lg_machine_record_rows(tape, problem, at, count, &q, &v));
+        LG_TRY(lg_machine_record_rows(tape, machine, &problem->log, at, count, &q, &v));
         LG_TRY(lg_machine_record_state(tape, &vars, q, v, parts));
         const lg_var logged = momenta_of(tape, machine, parts);
         if (j > 0) sum = lg_add(tape, sum, logged);
@@ -64,18 +63,9 @@ static lg_status momentum_residuals(void *user, lg_tape *tape, lg_var theta, con
     return lg_tape_status(tape);
 }
 
-static lg_status momentum_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
-                               size_t batch, lg_var *loss) {
-    lg_var r;
-    LG_TRY(momentum_residuals(user, tape, theta, samples, count, batch, &r));
-    *loss = lg_sum(tape, lg_square(tape, r));
-    return lg_tape_status(tape);
-}
-
 void lg_machine_momentum_problem(const lg_machine_problem *problem, lg_fit_problem *out) {
     *out = (lg_fit_problem){.parameters = problem->machine->parameters,
                             .samples = problem->windows,
-                            .loss = momentum_loss,
                             .residuals = momentum_residuals,
                             .user = (void *)(uintptr_t)problem, /* never written */
                             .validation = problem->validation};

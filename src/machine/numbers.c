@@ -26,13 +26,13 @@ void lg_numbers_read(lg_number_list *l, lg_var x, size_t count, double *out) {
 }
 
 void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size) {
-    uint32_t i = 0;
-    while (i + 1 < machine->coordinate_count && lg_machine_offsets_of(machine, i + 1).velocity <= k) i++;
-    const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    lg_machine_offsets at = {0};
+    while (lg_machine_next(machine, &at) && at.velocity + at.velocities <= k) continue;
+    const char *name = machine->coordinates[at.index].name;
     if (at.velocities == 1)
-        (void)snprintf(text, size, "%s", machine->coordinates[i].name);
+        (void)snprintf(text, size, "%s", name);
     else
-        (void)snprintf(text, size, "%s.%u", machine->coordinates[i].name, k - at.velocity + 1);
+        (void)snprintf(text, size, "%s.%u", name, k - at.velocity + 1);
 }
 
 /* ---- biases ---- */

@@ -7,10 +7,9 @@
 
 uint32_t lg_machine_offset_velocities(const lg_machine *machine, const lg_machine_term *term, uint32_t *out) {
     uint32_t count = 0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         bool listed = term->of_count == 0;
-        for (uint32_t k = 0; k < term->of_count; k++) listed = listed || term->of[k].index == i;
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        for (uint32_t k = 0; k < term->of_count; k++) listed = listed || term->of[k].index == at.index;
         for (uint32_t k = 0; listed && k < at.velocities; k++) out[count++] = at.velocity + k;
     }
     return count;

@@ -64,17 +64,12 @@ static lg_status keep(lg_tape *tape, const runs *r, const lg_machine_flow *flow,
 }
 
 static lg_status first_point(lg_tape *tape, const runs *r) {
-    const lg_machine *machine = r->machine;
     lg_machine_vars vars;
     lg_machine_flow flow;
-    lg_var parts[LG_TAPED_MAX_PARTS];
-    double *q = r->row, *v = r->row + r->count * machine->positions;
+    lg_var parts[LG_TAPED_MAX_PARTS], positions, velocities;
     LG_TRY(begin(tape, r, &vars, &flow));
     find_rows(r, 0);
-    lg_machine_scaled_rows(machine, r->log, r->at, r->count, q, v);
-    const uint32_t rows = (uint32_t)r->count;
-    const lg_var positions = lg_input_f64(tape, lg_shape2(rows, machine->positions), q),
-                 velocities = lg_input_f64(tape, lg_shape2(rows, machine->velocities), v);
+    LG_TRY(lg_machine_record_rows(tape, r->machine, r->log, r->at, r->count, &positions, &velocities));
     LG_TRY(lg_machine_record_state(tape, &vars, positions, velocities, parts));
     LG_TRY(lg_machine_start_bristles(tape, &vars, r->log, r->at, r->count, parts));
     return keep(tape, r, &flow, parts, 0);

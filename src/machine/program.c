@@ -42,8 +42,7 @@ static void fill_state(recording *r) {
     }
     for (uint32_t k = 0; k < 9 * machine->rotations; k++) *state++ = 1.0;
     for (uint32_t k = 0; k < 3 * machine->rotations; k++) *field++ = 1.0 / s->time;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         const double *L = s->velocity + at.velocity;
         for (uint32_t k = 0; at.directions == 0 && k < at.velocities; k++) {
             *state++ = s->energy * s->time / L[k];
@@ -134,7 +133,7 @@ static lg_var followed(lg_tape *tape, const lg_machine *machine, lg_var u, lg_va
         each[k] = is_second(machine, k) && !lg_is_none(x)
                       ? lg_machine_columns(tape, x, k - 1, 1)
                       : lg_machine_columns(tape, u, machine->lagged[k], 1);
-    return machine->lags == 1 ? each[0] : lg_concat(tape, each, machine->lags, 1);
+    return lg_joined(tape, each, machine->lags);
 }
 
 static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {

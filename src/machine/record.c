@@ -6,10 +6,6 @@
 
 /* ---- parameters ---- */
 
-static lg_var plus(lg_tape *tape, lg_var sum, lg_var more) {
-    return lg_is_none(sum) ? more : lg_add(tape, sum, more);
-}
-
 /* The sum of the terms of one part, or LG_NONE. Input maps see the inputs after their curves. */
 static lg_var sum_of(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
                      const lg_machine_seen *seen) {
@@ -23,7 +19,7 @@ static lg_var sum_of(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part
     }
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_term_kind *kind = machine->terms[i].kind;
-        if (kind->part == part) sum = plus(tape, sum, kind->record(tape, vars, i, seen));
+        if (kind->part == part) sum = lg_add_or(tape, sum, kind->record(tape, vars, i, seen));
     }
     return sum;
 }
@@ -39,7 +35,7 @@ static lg_var record_direction_mass(lg_tape *tape, const lg_machine_vars *vars) 
         if (kind->part != LG_MACHINE_MASS || kind->outputs != NULL) continue;
         lg_var m = kind->record(tape, vars, i, &(lg_machine_seen){.rows = 1, .directions = true});
         if (coupled && lg_var_shape(tape, m).dims[2] == 1) m = lg_mul(tape, m, lg_unit_matrix(tape, k));
-        sum = plus(tape, sum, m);
+        sum = lg_add_or(tape, sum, m);
     }
     return sum;
 }
@@ -87,8 +83,7 @@ lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta
 /* ---- rows of 3-vectors ---- */
 
 static lg_var stack(lg_tape *tape, const lg_var *each, uint32_t count, uint32_t rows, uint32_t width) {
-    const lg_var all = count == 1 ? each[0] : lg_concat(tape, each, count, 1);
-    return lg_reshape(tape, all, lg_shape3(rows, count, width));
+    return lg_reshape(tape, lg_joined(tape, each, count), lg_shape3(rows, count, width));
 }
 
 /* Three-vectors out of v (B, velocities), (B, copies, 3): the velocities of the directions, or the last 3
@@ -96,12 +91,9 @@ static lg_var stack(lg_tape *tape, const lg_var *each, uint32_t count, uint32_t 
 static lg_var rates(lg_tape *tape, const lg_machine *machine, lg_var v, bool directions) {
     lg_var each[LG_MACHINE_COORDINATES];
     uint32_t count = 0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        if ((directions ? row->directions : row->rotations) == 0) continue;
-        const uint32_t last = lg_machine_offsets_of(machine, i).velocity + row->velocities;
-        each[count++] = lg_machine_columns(tape, v, last - 3, 3);
-    }
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
+        if ((directions ? at.directions : at.rotations) > 0)
+            each[count++] = lg_machine_columns(tape, v, at.velocity + at.velocities - 3, 3);
     return stack(tape, each, count, lg_var_shape(tape, v).dims[0], 3);
 }
 
@@ -112,30 +104,24 @@ static lg_var without_directions(lg_tape *tape, const lg_machine *machine, lg_va
     lg_var each[LG_MACHINE_COORDINATES];
     uint32_t count = 0;
     if (machine->directions == 0) return v;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        if (row->directions > 0) continue;
-        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
-        each[count++] = lg_machine_columns(tape, v, first, row->velocities);
-    }
-    return count == 0 ? LG_NONE : count == 1 ? each[0] : lg_concat(tape, each, count, 1);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
+        if (at.directions == 0) each[count++] = lg_machine_columns(tape, v, at.velocity, at.velocities);
+    return count == 0 ? LG_NONE : lg_joined(tape, each, count);
 }
 
 static lg_var with_directions(lg_tape *tape, const lg_machine *machine, lg_var v, lg_var omega,
                               uint32_t rows) {
     lg_var each[LG_MACHINE_COORDINATES];
     if (machine->directions == 0) return v;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        if (row->directions > 0)
-            each[i] =
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
+        if (at.directions > 0)
+            each[at.index] =
                 lg_reshape(tape, machine->directions == 1 ? omega : lg_slice(tape, omega, 1, at.direction, 1),
                            lg_shape2(rows, 3));
         else
-            each[i] = lg_machine_columns(tape, v, at.momentum, row->velocities);
+            each[at.index] = lg_machine_columns(tape, v, at.momentum, at.velocities);
     }
-    return machine->coordinate_count == 1 ? each[0] : lg_concat(tape, each, machine->coordinate_count, 1);
+    return lg_joined(tape, each, machine->coordinate_count);
 }
 
 /* ---- states ---- */
@@ -189,18 +175,16 @@ static lg_var direction_velocity(lg_tape *tape, const lg_machine_vars *vars, lg_
 static void split_positions(lg_tape *tape, const lg_machine *machine, lg_var positions, lg_var *parts) {
     lg_var x[LG_MACHINE_COORDINATES], q[LG_MACHINE_COORDINATES], R[LG_MACHINE_COORDINATES];
     uint32_t xs = 0, qs = 0, Rs = 0;
-    const lg_machine_places at = lg_machine_parts(machine);
+    const lg_machine_places part = lg_machine_parts(machine);
     const uint32_t rows = lg_var_shape(tape, positions).dims[0];
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        const uint32_t first = lg_machine_offsets_of(machine, i).position;
-        if (row->places > 0) x[xs++] = lg_machine_columns(tape, positions, first, row->places);
-        if (row->directions > 0) q[qs++] = lg_machine_columns(tape, positions, first, 3);
-        if (row->rotations > 0) R[Rs++] = lg_machine_columns(tape, positions, first + row->places, 9);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
+        if (at.places > 0) x[xs++] = lg_machine_columns(tape, positions, at.position, at.places);
+        if (at.directions > 0) q[qs++] = lg_machine_columns(tape, positions, at.position, 3);
+        if (at.rotations > 0) R[Rs++] = lg_machine_columns(tape, positions, at.position + at.places, 9);
     }
-    if (at.x >= 0) parts[at.x] = xs == 1 ? x[0] : lg_concat(tape, x, xs, 1);
-    if (at.q >= 0) parts[at.q] = stack(tape, q, qs, rows, 3);
-    if (at.R >= 0) parts[at.R] = stack(tape, R, Rs, rows, 9);
+    if (part.x >= 0) parts[part.x] = lg_joined(tape, x, xs);
+    if (part.q >= 0) parts[part.q] = stack(tape, q, qs, rows, 3);
+    if (part.R >= 0) parts[part.R] = stack(tape, R, Rs, rows, 9);
 }
 
 /* The biases of positions or of velocities, (1, numbers), or LG_NONE. */
@@ -246,11 +230,9 @@ lg_status lg_machine_record_state(lg_tape *tape, const lg_machine_vars *vars, lg
 
 void lg_machine_reference(const lg_machine *machine, double *positions) {
     memset(positions, 0, machine->positions * sizeof *positions);
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        double *at = positions + lg_machine_offsets_of(machine, i).position;
-        if (row->directions > 0) at[2] = 1.0;
-        for (uint32_t k = 0; k < 3 && row->rotations > 0; k++) at[row->places + 4 * k] = 1.0;
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
+        if (at.directions > 0) positions[at.position + 2] = 1.0;
+        for (uint32_t k = 0; k < 3 * at.rotations; k++) positions[at.position + at.places + 4 * k] = 1.0;
     }
 }
 
@@ -259,12 +241,10 @@ lg_status lg_machine_record_rest(lg_tape *tape, const lg_machine_vars *vars, con
     const lg_machine *machine = vars->machine;
     double q[LG_MACHINE_POSITIONS] = {0.0}, v[LG_MACHINE_VELOCITIES] = {0.0};
     if (positions == NULL) lg_machine_reference(machine, q);
-    for (uint32_t i = 0; i < machine->coordinate_count && positions != NULL; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        for (uint32_t k = 0; k < lg_coordinate_positions(machine->coordinates[i].kind); k++)
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at) && positions != NULL;) {
+        for (uint32_t k = 0; k < at.positions; k++)
             q[at.position + k] =
-                positions[at.position + k] / (k < row->places ? machine->scales.place[at.place + k] : 1.0);
+                positions[at.position + k] / (k < at.places ? machine->scales.place[at.place + k] : 1.0);
     }
     lg_var q0 = lg_input_f64(tape, lg_shape2(1, machine->positions), q);
     if (positions != NULL) q0 = biased(tape, vars, false, q0, lg_sub);
@@ -279,18 +259,17 @@ static lg_var true_positions(lg_tape *tape, const lg_machine_vars *vars, const l
     lg_var all[2 * LG_MACHINE_COORDINATES];
     uint32_t count = 0;
     if (at.q < 0 && at.R < 0) return parts[at.x];
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        const lg_machine_offsets offset = lg_machine_offsets_of(machine, i);
-        if (row->places > 0) all[count++] = lg_machine_columns(tape, parts[at.x], offset.place, row->places);
-        if (row->directions > 0)
+    for (lg_machine_offsets offset = {0}; lg_machine_next(machine, &offset);) {
+        if (offset.places > 0)
+            all[count++] = lg_machine_columns(tape, parts[at.x], offset.place, offset.places);
+        if (offset.directions > 0)
             all[count++] =
                 lg_reshape(tape, lg_slice(tape, parts[at.q], 1, offset.direction, 1), lg_shape2(rows, 3));
-        if (row->rotations > 0)
+        if (offset.rotations > 0)
             all[count++] =
                 lg_reshape(tape, lg_slice(tape, parts[at.R], 1, offset.rotation, 1), lg_shape2(rows, 9));
     }
-    return count == 1 ? all[0] : lg_concat(tape, all, count, 1);
+    return lg_joined(tape, all, count);
 }
 
 lg_var lg_machine_record_positions(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
@@ -335,10 +314,10 @@ lg_var lg_machine_record_energy(lg_tape *tape, const lg_machine_vars *vars, cons
         const lg_var each =
             lg_rowdot(tape, parts[at.p], direction_velocity(tape, vars, parts[at.q], parts[at.p]));
         const lg_var all = lg_reshape(tape, each, lg_shape2(rows, vars->machine->directions));
-        twice = plus(tape, twice, lg_sum_axis(tape, all, 1, true));
+        twice = lg_add_or(tape, twice, lg_sum_axis(tape, all, 1, true));
     }
     const lg_var T = lg_scale(tape, twice, 0.5);
-    return lg_is_none(V) ? T : lg_add(tape, T, V);
+    return lg_add_or(tape, T, V);
 }
 
 lg_var lg_machine_record_rates(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
@@ -359,8 +338,7 @@ static lg_var all_forces(lg_tape *tape, const lg_machine_vars *vars, const lg_ma
                                             LG_MACHINE_OFFSET};
     for (size_t i = 0; i < LG_COUNT(parts); i++) {
         if (parts[i] == LG_MACHINE_INPUT_MAP && lg_is_none(seen->u)) continue;
-        const lg_var more = sum_of(tape, vars, parts[i], seen);
-        if (!lg_is_none(more)) f = plus(tape, f, more);
+        f = lg_add_or(tape, f, sum_of(tape, vars, parts[i], seen));
     }
     return f;
 }
@@ -404,13 +382,6 @@ static lg_var rotation_matrix(lg_tape *tape, lg_var R, uint32_t k, uint32_t rows
     return lg_reshape(tape, lg_slice(tape, R, 1, k, 1), lg_shape3(rows, 3, 3));
 }
 
-/* R w or R^T w, (B, 3). */
-static lg_var turned(lg_tape *tape, lg_var R, lg_var w, uint32_t rows, bool back) {
-    const lg_var column = lg_reshape(tape, w, lg_shape3(rows, 3, 1));
-    const lg_var out = back ? lg_matmul_tn(tape, R, column) : lg_matmul(tape, R, column);
-    return lg_reshape(tape, out, lg_shape2(rows, 3));
-}
-
 /* What the equations of one coordinate use. */
 typedef struct body {
     const lg_machine_vars *vars;
@@ -428,23 +399,28 @@ static lg_var moment_of(lg_tape *tape, const body *b, uint32_t k) {
     return lg_sum_axis(tape, lg_cross(tape, R, g), 1, false);
 }
 
-/* Appends the potential's forces on coordinate i in the order of its velocities. */
-static void pull_of(lg_tape *tape, const body *b, uint32_t i, lg_var *each, uint32_t *count) {
-    const lg_coordinate_row *row = lg_coordinate_row_of(b->machine->coordinates[i].kind);
-    const lg_machine_offsets at = lg_machine_offsets_of(b->machine, i);
-    if (row->directions > 0) {
-        const lg_var q = lg_slice(tape, b->parts[b->at.q], 1, at.direction, 1),
-                     g = lg_slice(tape, b->g[b->at.q], 1, at.direction, 1);
+/* R w or R^T w with the coordinate's R, (B, 3). */
+static lg_var turned(lg_tape *tape, const body *b, const lg_machine_offsets *at, lg_var w, bool back) {
+    const lg_var R = rotation_matrix(tape, b->parts[b->at.R], at->rotation, b->rows);
+    const lg_var column = lg_reshape(tape, w, lg_shape3(b->rows, 3, 1));
+    const lg_var out = back ? lg_matmul_tn(tape, R, column) : lg_matmul(tape, R, column);
+    return lg_reshape(tape, out, lg_shape2(b->rows, 3));
+}
+
+/* Appends the potential's forces on a coordinate in the order of its velocities. */
+static void pull_of(lg_tape *tape, const body *b, const lg_machine_offsets *at, lg_var *each,
+                    uint32_t *count) {
+    if (at->directions > 0) {
+        const lg_var q = lg_slice(tape, b->parts[b->at.q], 1, at->direction, 1),
+                     g = lg_slice(tape, b->g[b->at.q], 1, at->direction, 1);
         each[(*count)++] = lg_reshape(tape, lg_cross(tape, q, g), lg_shape2(b->rows, 3));
         return;
     }
-    lg_var force = row->places > 0 ? lg_machine_columns(tape, b->g[b->at.x], at.place, row->places) : LG_NONE;
-    if (row->places > 0 && row->rotations > 0) {
-        const lg_var R = rotation_matrix(tape, b->parts[b->at.R], at.rotation, b->rows);
-        force = turned(tape, R, force, b->rows, true);
+    if (at->places > 0) {
+        const lg_var force = lg_machine_columns(tape, b->g[b->at.x], at->place, at->places);
+        each[(*count)++] = at->rotations > 0 ? turned(tape, b, at, force, true) : force;
     }
-    if (row->places > 0) each[(*count)++] = force;
-    if (row->rotations > 0) each[(*count)++] = lg_neg(tape, moment_of(tape, b, at.rotation));
+    if (at->rotations > 0) each[(*count)++] = lg_neg(tape, moment_of(tape, b, at->rotation));
 }
 
 /* The potential's forces on all coordinates, or on all except directions, or LG_NONE if there are none. */
@@ -454,26 +430,22 @@ static lg_var pull(lg_tape *tape, const body *b, bool directions) {
     uint32_t count = 0;
     if (lg_is_none(b->g[first])) return LG_NONE;
     if (b->machine->rotations == 0 && !directions) return b->g[b->at.x];
-    for (uint32_t i = 0; i < b->machine->coordinate_count; i++)
-        if (directions || lg_coordinate_row_of(b->machine->coordinates[i].kind)->directions == 0)
-            pull_of(tape, b, i, each, &count);
-    return count == 1 ? each[0] : lg_concat(tape, each, count, 1);
+    for (lg_machine_offsets at = {0}; lg_machine_next(b->machine, &at);)
+        if (directions || at.directions == 0) pull_of(tape, b, &at, each, &count);
+    return lg_joined(tape, each, count);
 }
 
 /* Appends x' of a pose to x, and the change of its momenta, or of a rotation's, without forces to p:
  * l x Omega, and m x Omega + l x w. */
-static void move_body(lg_tape *tape, const body *b, uint32_t i, lg_var *x, uint32_t *xs, lg_var *p,
-                      uint32_t *ps) {
-    const lg_machine_offsets at = lg_machine_offsets_of(b->machine, i);
-    const uint32_t skip = lg_coordinate_row_of(b->machine->coordinates[i].kind)->places;
-    const lg_var Omega = lg_machine_columns(tape, b->v, at.velocity + skip, 3);
-    const lg_var m = lg_machine_columns(tape, b->parts[b->at.m], at.momentum + skip, 3);
+static void move_body(lg_tape *tape, const body *b, const lg_machine_offsets *at, lg_var *x, uint32_t *xs,
+                      lg_var *p, uint32_t *ps) {
+    const lg_var Omega = lg_machine_columns(tape, b->v, at->velocity + at->places, 3);
+    const lg_var m = lg_machine_columns(tape, b->parts[b->at.m], at->momentum + at->places, 3);
     lg_var moment = lg_cross(tape, m, Omega);
-    if (skip > 0) {
-        const lg_var w = lg_machine_columns(tape, b->v, at.velocity, 3);
-        const lg_var l = lg_machine_columns(tape, b->parts[b->at.m], at.momentum, 3);
-        const lg_var R = rotation_matrix(tape, b->parts[b->at.R], at.rotation, b->rows);
-        x[(*xs)++] = turned(tape, R, w, b->rows, false);
+    if (at->places > 0) {
+        const lg_var w = lg_machine_columns(tape, b->v, at->velocity, 3);
+        const lg_var l = lg_machine_columns(tape, b->parts[b->at.m], at->momentum, 3);
+        x[(*xs)++] = turned(tape, b, at, w, false);
         p[(*ps)++] = lg_cross(tape, l, Omega);
         moment = lg_add(tape, moment, lg_cross(tape, l, w));
     }
@@ -485,22 +457,20 @@ static void move_places(lg_tape *tape, const body *b, lg_var *algebra) {
     lg_var x[LG_MACHINE_COORDINATES], p[2 * LG_MACHINE_COORDINATES];
     lg_var f = lg_is_none(b->f) ? LG_NONE : without_directions(tape, b->machine, b->f);
     uint32_t xs = 0, ps = 0;
-    const lg_var g = pull(tape, b, false);
-    if (!lg_is_none(g)) f = plus(tape, f, g);
+    f = lg_add_or(tape, f, pull(tape, b, false));
     if (b->machine->rotations == 0) {
         algebra[b->at.x] = without_directions(tape, b->machine, b->v);
         algebra[b->at.m] = lg_is_none(f) ? lg_full(tape, lg_var_shape(tape, algebra[b->at.x]), 0.0) : f;
         return;
     }
-    for (uint32_t i = 0; i < b->machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(b->machine->coordinates[i].kind);
-        if (row->rotations > 0) move_body(tape, b, i, x, &xs, p, &ps);
-        if (row->rotations > 0 || row->directions > 0) continue;
-        x[xs++] = lg_machine_columns(tape, b->v, lg_machine_offsets_of(b->machine, i).velocity, 1);
+    for (lg_machine_offsets at = {0}; lg_machine_next(b->machine, &at);) {
+        if (at.rotations > 0) move_body(tape, b, &at, x, &xs, p, &ps);
+        if (at.rotations > 0 || at.directions > 0) continue;
+        x[xs++] = lg_machine_columns(tape, b->v, at.velocity, 1);
         p[ps++] = lg_full(tape, lg_shape2(b->rows, 1), 0.0);
     }
-    if (xs > 0) algebra[b->at.x] = xs == 1 ? x[0] : lg_concat(tape, x, xs, 1);
-    algebra[b->at.m] = plus(tape, f, ps == 1 ? p[0] : lg_concat(tape, p, ps, 1));
+    if (xs > 0) algebra[b->at.x] = lg_joined(tape, x, xs);
+    algebra[b->at.m] = lg_add_or(tape, f, lg_joined(tape, p, ps));
 }
 
 /* xi = omega and eta = f - g x q. A chain adds q x lambda q' + q' x p, with lambda as in
@@ -508,12 +478,12 @@ static void move_places(lg_tape *tape, const body *b, lg_var *algebra) {
 static void move_directions(lg_tape *tape, const body *b, lg_var *algebra) {
     const lg_var omega = rates(tape, b->machine, b->v, true), g = b->g[b->at.q], q = b->parts[b->at.q];
     lg_var eta = lg_is_none(b->f) ? LG_NONE : rates(tape, b->machine, b->f, true);
-    if (!lg_is_none(g)) eta = plus(tape, eta, lg_cross(tape, q, g));
+    if (!lg_is_none(g)) eta = lg_add_or(tape, eta, lg_cross(tape, q, g));
     if (are_coupled(b->vars)) {
         const lg_var v = lg_cross(tape, omega, q);
         const lg_var lambda = lg_neg(tape, lg_rowdot(tape, q, lg_matmul(tape, b->vars->direction_mass, v)));
-        eta = plus(tape, eta, lg_cross(tape, q, lg_mul(tape, lambda, v)));
-        eta = plus(tape, eta, lg_cross(tape, v, b->parts[b->at.p]));
+        eta = lg_add_or(tape, eta, lg_cross(tape, q, lg_mul(tape, lambda, v)));
+        eta = lg_add_or(tape, eta, lg_cross(tape, v, b->parts[b->at.p]));
     }
     algebra[b->at.q] = omega;
     algebra[b->at.p] = lg_is_none(eta) ? lg_full(tape, lg_var_shape(tape, omega), 0.0) : eta;
@@ -565,11 +535,11 @@ lg_status lg_machine_record_motion(lg_tape *tape, const lg_machine_vars *vars, c
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_machine_term *term = &machine->terms[i];
         if (term->kind->limit != NULL && lg_machine_term_sticks(machine, term))
-            out->c = plus(tape, out->c, term->kind->limit(tape, vars, i, seen));
+            out->c = lg_add_or(tape, out->c, term->kind->limit(tape, vars, i, seen));
     }
     if (lg_is_none(out->c)) out->c = lg_full(tape, lg_shape2(1, machine->velocities), 0.0);
     LG_TRY(conservative_force(tape, vars, out->M, seen->v, seen, g));
-    if (!lg_is_none(g[x])) out->F = plus(tape, out->F, g[x]);
+    out->F = lg_add_or(tape, out->F, g[x]);
     if (lg_is_none(out->M)) return lg_tape_status(tape);
     const lg_var p = times_mass(tape, vars, out->M, seen->v);
     LG_TRY(lg_jvp(tape, &p, 1, &seen->parts[x], &seen->v, 1, &change));

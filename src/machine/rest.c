@@ -2,8 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
-#include "liegrad/ops.h"
+#include "autodiff/tape/tape_internal.h"
 #include "machine/internal.h"
 
 /* The least width of the machine's friction at velocity k, in the units of the log. */
@@ -91,5 +90,5 @@ lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *mach
         }
         lg_tape_reset(tape);
     }
-    return lg_machine_conclude(tape, status, error);
+    return lg_tape_conclude(tape, status, error);
 }

@@ -44,14 +44,6 @@ static lg_var recorded(lg_tape *tape, const lg_machine_restriction *r, lg_var x)
     return starts > 0 ? lg_concat(tape, both, 2, 0) : both[0];
 }
 
-static lg_status loss(void *user, lg_tape *tape, lg_var x, const uint32_t *samples, size_t count,
-                      size_t batch, lg_var *out) {
-    const lg_machine_restriction *r = user;
-    lg_fit_problem all;
-    lg_machine_fit_problem(r->problem, &all);
-    return all.loss(all.user, tape, recorded(tape, r, x), samples, count, batch, out);
-}
-
 static lg_status residuals(void *user, lg_tape *tape, lg_var x, const uint32_t *samples, size_t count,
                            size_t batch, lg_var *out) {
     const lg_machine_restriction *r = user;
@@ -96,7 +88,6 @@ static lg_status linearise(void *user, lg_tape *tape, const double *x, const uin
 void lg_machine_restricted_problem(const lg_machine_restriction *r, lg_fit_problem *out) {
     lg_machine_fit_problem(r->problem, out);
     out->parameters = r->count + all_starts(r->problem);
-    out->loss = loss;
     out->residuals = residuals;
     out->linearise = linearise;
     out->user = (void *)(uintptr_t)r; /* never written */

@@ -10,8 +10,7 @@ static void add_axes(lg_row_axes *all, int kind, uint32_t first, uint32_t count)
 lg_row_axes lg_row_axes_of(const lg_machine *machine) {
     lg_row_axes all = {.numbers = machine->positions + machine->velocities + machine->bristles};
     for (int kind = LG_ALONG; kind <= LG_TURN_ROTATION; kind++)
-        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-            const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
             const uint32_t axes[] = {at.places, 3 * at.directions, 3 * at.rotations};
             add_axes(&all, kind, at.position + (kind == LG_TURN_ROTATION ? at.places : 0), axes[kind]);
         }

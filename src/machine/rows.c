@@ -65,15 +65,12 @@ static void difference(const lg_machine *machine, const lg_machine_log *log, uin
     double x[3] = {0, 0, 0};
     for (uint32_t k = 0; k < at.places; k++) x[k] = slope(log, q + k, n, first, last, row);
     if (at.rotations > 0) {
-        const double *R = q + row * n + at.places;
-        for (uint32_t k = 0; k < at.places; k++) out[k] = R[k] * x[0] + R[3 + k] * x[1] + R[6 + k] * x[2];
+        if (at.places > 0) lg_so3_coadjoint(q + row * n + at.places, x, out);
         lg_machine_turn_between(a + at.places, b + at.places, out + at.places);
         for (uint32_t k = at.places; k < at.velocities; k++) out[k] /= h;
     } else if (at.directions > 0) {
-        for (int k = 0; k < 3; k++) {
-            const int l = (k + 1) % 3, m = (k + 2) % 3;
-            out[k] = (a[l] * b[m] - a[m] * b[l]) / h;
-        }
+        lg_cross3(a, b, out);
+        for (int k = 0; k < 3; k++) out[k] /= h;
     } else {
         out[0] = x[0];
     }
@@ -108,8 +105,7 @@ void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log
                             size_t count, double *positions, double *velocities) {
     const lg_machine_scales *s = &machine->scales;
     for (size_t r = 0; r < count; r++)
-        for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-            const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+        for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
             const double *q = log->q + rows[r] * machine->positions + at.position;
             double *x = positions + r * machine->positions + at.position;
             for (uint32_t k = 0; k < at.positions; k++) {
@@ -118,19 +114,18 @@ void lg_machine_scaled_rows(const lg_machine *machine, const lg_machine_log *log
             }
             if (velocities == NULL) continue;
             double *v = velocities + r * machine->velocities + at.velocity;
-            velocity_in(machine, log, rows[r], i, v);
+            velocity_in(machine, log, rows[r], at.index, v);
             for (uint32_t k = 0; k < at.velocities; k++) v[k] *= s->time / s->velocity[at.velocity + k];
         }
 }
 
-lg_status lg_machine_record_rows(lg_tape *tape, const lg_machine_problem *problem, const size_t *at,
-                                 size_t count, lg_var *positions, lg_var *velocities) {
-    const lg_machine *machine = problem->machine;
+lg_status lg_machine_record_rows(lg_tape *tape, const lg_machine *machine, const lg_machine_log *log,
+                                 const size_t *at, size_t count, lg_var *positions, lg_var *velocities) {
     void *memory[2];
     *positions = lg_input_buffer(tape, lg_shape2((uint32_t)count, machine->positions), &memory[0]);
     *velocities = lg_input_buffer(tape, lg_shape2((uint32_t)count, machine->velocities), &memory[1]);
     LG_TRY(lg_tape_status(tape));
-    lg_machine_scaled_rows(machine, &problem->log, at, count, memory[0], memory[1]);
+    lg_machine_scaled_rows(machine, log, at, count, memory[0], memory[1]);
     return LG_OK;
 }
 
@@ -145,8 +140,7 @@ void lg_machine_shown_row(const lg_machine *machine, const lg_machine_log *log, 
 
 void lg_machine_unscale_row(const lg_machine *machine, double *positions, double *velocities) {
     const lg_machine_scales *s = &machine->scales;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         for (uint32_t k = 0; k < at.places; k++) positions[at.position + k] *= s->place[at.place + k];
     }
     for (uint32_t k = 0; k < machine->velocities; k++) velocities[k] *= s->velocity[k] / s->time;

@@ -39,10 +39,9 @@ static void measure_motion(const lg_machine *plain, const lg_machine_log *log, m
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++) {
             velocities_at(plain, log, row, v);
-            for (uint32_t i = 0; i < plain->coordinate_count; i++) {
-                const lg_machine_offsets at = lg_machine_offsets_of(plain, i);
+            for (lg_machine_offsets at = {0}; lg_machine_next(plain, &at);) {
                 for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
-                    lg_squares_add(&velocity[i], v[k]);
+                    lg_squares_add(&velocity[at.index], v[k]);
             }
             for (uint32_t k = 0; k < plain->velocities; k++) {
                 if (isfinite(v[k])) out->fastest[k] = fmax(out->fastest[k], fabs(v[k]));
@@ -86,13 +85,12 @@ static void measure_inputs(const lg_machine *machine, const lg_machine_log *log,
 static double time_of(const lg_machine *machine, const moments *size) {
     double logs = 0.0;
     size_t count = 0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         double square = 0.0;
         for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
             square += size->acceleration[k] * size->acceleration[k] / at.velocities;
-        if (!(size->velocity[i] > 0.0 && square > 0.0)) continue;
-        logs += log(size->velocity[i] / sqrt(square));
+        if (!(size->velocity[at.index] > 0.0 && square > 0.0)) continue;
+        logs += log(size->velocity[at.index] / sqrt(square));
         count++;
     }
     return count > 0 ? exp(logs / (double)count) : 0.0;
@@ -100,10 +98,9 @@ static double time_of(const lg_machine *machine, const moments *size) {
 
 static void set_lengths(lg_machine *machine, const moments *size) {
     lg_machine_scales *s = &machine->scales;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         const bool length = at.places > 0 && !at.angle;
-        const double L = length && size->velocity[i] > 0.0 ? size->velocity[i] * s->time : 1.0;
+        const double L = length && size->velocity[at.index] > 0.0 ? size->velocity[at.index] * s->time : 1.0;
         for (uint32_t k = 0; k < at.places; k++) s->place[at.place + k] = L;
         for (uint32_t k = 0; k < at.velocities; k++) s->velocity[at.velocity + k] = k < at.places ? L : 1.0;
     }

@@ -14,10 +14,9 @@ void lg_machine_start_units(const lg_machine_problem *problem, double *scale) {
     const double unit = sqrt((double)problem->windows);
     const uint32_t directions = machine->places, rotations = directions + 3 * machine->directions,
                    velocities = rotations + 3 * machine->rotations;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        const double T = machine->scales.time, shown = unit * problem->velocity_scale[i];
-        const double q = machine->accelerations ? T * T * shown : unit * problem->position_scale[i],
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
+        const double T = machine->scales.time, shown = unit * problem->velocity_scale[at.index];
+        const double q = machine->accelerations ? T * T * shown : unit * problem->position_scale[at.index],
                      v = machine->accelerations ? T * shown : shown;
         for (uint32_t k = 0; k < at.places; k++)
             scale[at.place + k] = q / machine->scales.place[at.place + k];

@@ -79,7 +79,8 @@ static lg_status predict(lg_tape *tape, const points *p, const lg_machine_flow *
     size_t at[LG_FIT_CHUNK];
     lg_var positions, velocities;
     for (size_t s = 0; s < p->count; s++) at[s] = row_of(p, 0, s);
-    LG_TRY(lg_machine_record_rows(tape, problem, at, p->count, &positions, &velocities));
+    LG_TRY(
+        lg_machine_record_rows(tape, problem->machine, &problem->log, at, p->count, &positions, &velocities));
     if (lg_machine_starts_estimated(problem))
         LG_TRY(lg_machine_move_starts(tape, problem, flow->vars, start_parameters(tape, p, theta), positions,
                                       velocities, predicted));
@@ -98,9 +99,8 @@ static lg_status predict(lg_tape *tape, const points *p, const lg_machine_flow *
 static lg_status begin(lg_tape *tape, const lg_machine_problem *problem, lg_var theta, lg_machine_vars *vars,
                        lg_machine_flow *flow) {
     if (problem->theta != NULL) theta = lg_machine_parameter(tape, problem->machine, problem->theta);
-    LG_TRY(lg_machine_bind(tape, problem->machine, theta, vars));
-    *flow = (lg_machine_flow){.vars = vars, .scheme = problem->scheme, .substeps = problem->substeps};
-    return lg_machine_space(problem->machine, &flow->space);
+    return lg_machine_begin_flow(tape, problem->machine, problem->scheme, problem->substeps, theta, vars,
+                                 flow);
 }
 
 /* Joins points first .. last of each part of the state into one variable, point after point. */
@@ -146,11 +146,9 @@ static lg_var across(lg_tape *tape, const lg_machine *machine, lg_var r, lg_var 
     const lg_var blocks = lg_input_buffer(tape, lg_shape2(n, n), &memory);
     if (lg_is_none(blocks)) return r;
     memset(memory, 0, (size_t)n * n * sizeof(double));
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const uint32_t first = lg_machine_offsets_of(machine, i).velocity;
-        if (machine->coordinates[i].kind != LG_COORDINATE_DIRECTION) continue;
-        for (uint32_t k = 0; k < 9; k++) ((double *)memory)[(first + k / 3) * n + first + k % 3] = 1.0;
-    }
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
+        for (uint32_t k = 0; k < 9 * at.directions; k++)
+            ((double *)memory)[(at.velocity + k / 3) * n + at.velocity + k % 3] = 1.0;
     const lg_var dots = lg_matmul(tape, lg_mul(tape, r, along), blocks);
     return lg_sub(tape, r, lg_mul(tape, dots, along));
 }
@@ -209,15 +207,7 @@ static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const 
     return lg_tape_status(tape);
 }
 
-static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
-                            size_t batch, lg_var *loss) {
-    lg_var r;
-    LG_TRY(shard_residuals(user, tape, theta, samples, count, batch, &r));
-    *loss = lg_sum(tape, lg_square(tape, r));
-    return lg_tape_status(tape);
-}
-
-/* As shard_loss, but for the steps' own error: the difference between predictions with the substeps and with
+/* The loss for the steps' own error: the difference between predictions with the substeps and with
  * twice as many, times 2^p/(2^p - 1) for a scheme of order p. */
 static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                              size_t batch, lg_var *floor) {
@@ -267,7 +257,6 @@ void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *o
     *out = (lg_fit_problem){
         .parameters = lg_machine_problem_parameters(problem),
         .samples = problem->windows,
-        .loss = shard_loss,
         .repeats = true,
         .residuals = shard_residuals,
         .linearise = lg_machine_linearise,
@@ -297,12 +286,6 @@ static lg_status add_windows(lg_tape *tape, const lg_machine_problem *problem, c
     return LG_OK;
 }
 
-lg_status lg_machine_conclude(const lg_tape *tape, lg_status status, lg_error *error) {
-    if (status == LG_OK) return LG_OK;
-    const bool of_tape = tape != NULL && lg_tape_status(tape) != LG_OK;
-    return lg_fail(error, status, "%s", of_tape ? lg_tape_message(tape) : lg_status_sentence(status));
-}
-
 lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem, const double *theta,
                           double *loss, double *floor, lg_error *error) {
     LG_NEEDS(error, problem, loss);
@@ -316,5 +299,5 @@ lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *p
     }
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
-    return lg_machine_conclude(tape, add_windows(tape, problem, theta, loss, floor), error);
+    return lg_tape_conclude(tape, add_windows(tape, problem, theta, loss, floor), error);
 }

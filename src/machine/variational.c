@@ -15,8 +15,7 @@
 #include <string.h>
 
 #include "autodiff/ops/lie.h"
-#include "core/core.h"
-#include "liegrad/ops.h"
+#include "autodiff/tape/tape_internal.h"
 #include "machine/internal.h"
 
 typedef struct motion {
@@ -62,7 +61,7 @@ static bool drags(const lg_machine *machine) {
 static lg_var plus(lg_tape *tape, const motion *s, lg_var sum, lg_machine_part part, lg_var v) {
     if (part == LG_MACHINE_INPUT_MAP && lg_is_none(s->u)) return sum;
     const lg_var more = lg_machine_record_force(tape, s->vars, part, s->parts, v, s->u);
-    return lg_is_none(sum) ? more : lg_is_none(more) ? sum : lg_add(tape, sum, more);
+    return lg_add_or(tape, sum, more);
 }
 
 /* All forces of the kick at velocities v, (B, velocities), or LG_NONE. */
@@ -113,16 +112,15 @@ static lg_var each_momentum(lg_tape *tape, const motion *s, lg_var v, lg_var p, 
     const lg_machine *machine = s->vars->machine;
     lg_var each[2 * LG_MACHINE_COORDINATES];
     uint32_t count = 0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        const uint32_t first = lg_machine_offsets_of(machine, i).momentum, second = first + row->places;
-        if (row->directions > 0) continue;
-        if (row->rotations == 0) {
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
+        const uint32_t first = at.momentum, second = first + at.places;
+        if (at.directions > 0) continue;
+        if (at.rotations == 0) {
             each[count++] = lg_machine_columns(tape, p, first, 1);
             continue;
         }
         const lg_var turn = back(tape, s, v, second), m = lg_machine_columns(tape, p, second, 3);
-        if (row->places == 0) {
+        if (at.places == 0) {
             each[count++] = map->vector(tape, turn, m);
             continue;
         }
@@ -130,7 +128,7 @@ static lg_var each_momentum(lg_tape *tape, const motion *s, lg_var v, lg_var p, 
         each[count++] = map->vector(tape, turn, l);
         each[count++] = map->pair(tape, turn, shift, l, m);
     }
-    return count == 1 ? each[0] : lg_concat(tape, each, count, 1);
+    return lg_joined(tape, each, count);
 }
 
 static lg_status legendre(void *user, lg_tape *tape, lg_var v, lg_var *r) {
@@ -163,25 +161,24 @@ static void move_positions(lg_tape *tape, const motion *s, lg_var v) {
     const uint32_t rows = lg_var_shape(tape, v).dims[0];
     lg_var x[LG_MACHINE_COORDINATES], R[LG_MACHINE_COORDINATES];
     uint32_t xs = 0, Rs = 0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
-        const lg_machine_offsets offset = lg_machine_offsets_of(machine, i);
-        if (row->directions > 0) continue;
-        const lg_var place =
-            row->places > 0 ? lg_machine_columns(tape, s->parts[at.x], offset.place, row->places) : LG_NONE;
-        if (row->rotations == 0) {
+    for (lg_machine_offsets offset = {0}; lg_machine_next(machine, &offset);) {
+        if (offset.directions > 0) continue;
+        const lg_var place = offset.places > 0
+                                 ? lg_machine_columns(tape, s->parts[at.x], offset.place, offset.places)
+                                 : LG_NONE;
+        if (offset.rotations == 0) {
             const lg_var way = paced(tape, s, 1.0, lg_machine_columns(tape, v, offset.momentum, 1));
             x[xs++] = lg_add(tape, place, way);
             continue;
         }
         const lg_var old =
             lg_reshape(tape, lg_slice(tape, s->parts[at.R], 1, offset.rotation, 1), lg_shape3(rows, 3, 3));
-        const lg_var turn = back(tape, s, v, offset.momentum + row->places);
-        if (row->places > 0) x[xs++] = shifted(tape, turn, back(tape, s, v, offset.momentum), place, old);
+        const lg_var turn = back(tape, s, v, offset.momentum + offset.places);
+        if (offset.places > 0) x[xs++] = shifted(tape, turn, back(tape, s, v, offset.momentum), place, old);
         R[Rs++] = lg_reshape(tape, turned(tape, turn, old), lg_shape3(rows, 1, 9));
     }
-    if (xs > 0) s->parts[at.x] = xs == 1 ? x[0] : lg_concat(tape, x, xs, 1);
-    s->parts[at.R] = Rs == 1 ? R[0] : lg_concat(tape, R, Rs, 1);
+    if (xs > 0) s->parts[at.x] = lg_joined(tape, x, xs);
+    s->parts[at.R] = lg_joined(tape, R, Rs);
 }
 
 static lg_status move_bodies(lg_tape *tape, motion *s) {

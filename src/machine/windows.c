@@ -93,8 +93,7 @@ void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double 
                           double *velocities) {
     const lg_machine *machine = problem->machine;
     const lg_machine_scales *s = &machine->scales;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         const double *q = problem->log.q + row * machine->positions,
                      *v = (machine->accelerations ? problem->log.a : problem->log.v) +
                           row * machine->velocities;
@@ -104,18 +103,18 @@ void lg_machine_weigh_row(const lg_machine_problem *problem, size_t row, double 
                                 : at.rotations > 0 ? sqrt(0.5)
                                                    : 1.0;
             const bool given = !isnan(q[k]) && !machine->accelerations;
-            positions[k] = given ? factor * unit / problem->position_scale[i] : 0.0;
+            positions[k] = given ? factor * unit / problem->position_scale[at.index] : 0.0;
         }
         for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
             velocities[k] =
-                isnan(v[k]) ? 0.0 : factor * lg_machine_shown_unit(machine, k) / problem->velocity_scale[i];
+                isnan(v[k]) ? 0.0
+                            : factor * lg_machine_shown_unit(machine, k) / problem->velocity_scale[at.index];
     }
 }
 
 void lg_machine_along_row(const lg_machine_problem *problem, size_t row, double *along) {
     const lg_machine *machine = problem->machine;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         const double *q = problem->log.q + row * machine->positions + at.position;
         for (uint32_t k = 0; k < at.velocities; k++)
             along[at.velocity + k] = at.directions > 0 && !isnan(q[k]) ? q[k] : 0.0;

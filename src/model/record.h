@@ -2,16 +2,11 @@
 #ifndef LG_MODELS_RECORD_H
 #define LG_MODELS_RECORD_H
 
-#include "liegrad/ops.h"
+#include "integrators/taped_internal.h"
 
 /* Columns first .. first + count - 1 of x (B, n). */
 static inline lg_var lg_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t count) {
     return lg_slice(tape, x, 1, first, count);
-}
-
-/* Joins the arrays (B, ...) along their second axis. */
-static inline lg_var lg_joined(lg_tape *tape, const lg_var *parts, uint32_t n) {
-    return n == 1 ? parts[0] : lg_concat(tape, parts, n, 1);
 }
 
 /* Repeats each row of x `copies` times in succession: (B, ...) -> (B copies, ...). */

@@ -124,6 +124,9 @@ lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add);
  * false. */
 lg_status lg_fit_can_record(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
                             bool *can);
+/* Records the problem's loss of the samples. */
+lg_status lg_fit_record_loss(const lg_fit_problem *problem, lg_tape *tape, lg_var theta,
+                             const uint32_t *samples, size_t count, size_t batch, lg_var *loss);
 /* Adds loss and gradient of the samples to the shard's, by a plan (lg_fit_problem.repeats). *done = false: a
  * plan is not possible for these samples, and nothing has been added. */
 lg_status lg_fit_run_recording(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,

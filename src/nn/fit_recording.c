@@ -45,7 +45,7 @@ static lg_status record(const lg_fit *fit, lg_tape *tape, const uint32_t *sample
                         lg_var *theta, lg_var *loss) {
     *theta = lg_parameter(tape, lg_shape1((uint32_t)fit->problem.parameters), fit->point);
     const lg_status status =
-        fit->problem.loss(fit->problem.user, tape, *theta, samples, count, fit->batch_samples, loss);
+        lg_fit_record_loss(&fit->problem, tape, *theta, samples, count, fit->batch_samples, loss);
     LG_TRY(lg_tape_status(tape));
     return status;
 }

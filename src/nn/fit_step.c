@@ -25,6 +25,14 @@ static size_t chunk_of(const lg_fit *fit) {
     return fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
 }
 
+lg_status lg_fit_record_loss(const lg_fit_problem *problem, lg_tape *tape, lg_var theta,
+                             const uint32_t *samples, size_t count, size_t batch, lg_var *loss) {
+    if (problem->loss != NULL) return problem->loss(problem->user, tape, theta, samples, count, batch, loss);
+    LG_TRY(problem->residuals(problem->user, tape, theta, samples, count, batch, loss));
+    *loss = lg_sum(tape, lg_square(tape, *loss));
+    return lg_tape_status(tape);
+}
+
 /* Adds loss and gradient of `count` samples to the shard's; its first chunk overwrites the gradient. */
 static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
     lg_tape *tape = shard->tape;
@@ -38,7 +46,7 @@ static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *
     const lg_var theta = lg_parameter(tape, flat, fit->point);
     lg_var loss = LG_NONE;
     const lg_status given =
-        fit->problem.loss(fit->problem.user, tape, theta, samples, count, fit->batch_samples, &loss);
+        lg_fit_record_loss(&fit->problem, tape, theta, samples, count, fit->batch_samples, &loss);
     double value = 0.0;
     LG_TRY(lg_tape_status(tape));
     LG_TRY(given);
@@ -283,7 +291,7 @@ static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *problem, const 
         for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
         lg_tape_reset(tape);
         lg_var part, weights = lg_parameter(tape, lg_shape1((uint32_t)problem->parameters), theta);
-        LG_TRY(problem->loss(problem->user, tape, weights, samples, count, all, &part));
+        LG_TRY(lg_fit_record_loss(problem, tape, weights, samples, count, all, &part));
         LG_TRY(lg_read(tape, part, 1, &value));
         sum += value;
     }
@@ -300,8 +308,5 @@ lg_status lg_fit_problem_loss(const lg_context *context, const lg_fit_problem *p
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     lg_status status = samples != NULL ? lg_tape_create(context, NULL, &tape) : LG_OUT_OF_MEMORY;
     if (status == LG_OK) status = add_chunks(tape, problem, theta, chunk, samples, loss);
-    if (status == LG_OK) return LG_OK;
-    return lg_fail(error, status, "%s",
-                   tape != NULL && lg_tape_status(tape) != LG_OK ? lg_tape_message(tape)
-                                                                 : lg_status_sentence(status));
+    return lg_tape_conclude(tape, status, error);
 }

@@ -3,8 +3,8 @@
 
 #include "autodiff/tape/tape_internal.h"
 #include "core/clean.h"
-#include "liegrad/fit.h"
 #include "liegrad/minimise.h"
+#include "nn/fit_internal.h"
 
 LG_AT(lg_tape_destroy, lg_tape)
 
@@ -21,14 +21,15 @@ static lg_status objective(void *user, const double *x, double *value, double *g
     lg_var loss;
     lg_tape_reset(w->tape);
     const lg_var theta = lg_parameter(w->tape, lg_shape1((uint32_t)p->parameters), x);
-    LG_TRY(p->loss(p->user, w->tape, theta, w->samples, p->samples, p->samples, &loss));
+    LG_TRY(lg_fit_record_loss(p, w->tape, theta, w->samples, p->samples, p->samples, &loss));
     LG_TRY(lg_read(w->tape, loss, 1, value));
     return lg_backward_set(w->tape, loss, &theta, 1, &to);
 }
 
 lg_status lg_fit_newton(const lg_context *context, const lg_fit_problem *problem, double *theta,
                         lg_fit_newton_result *result) {
-    if (problem == NULL || problem->loss == NULL || theta == NULL) return LG_INVALID_ARGUMENT;
+    if (problem == NULL || (problem->loss == NULL && problem->residuals == NULL) || theta == NULL)
+        return LG_INVALID_ARGUMENT;
     const size_t n = problem->parameters, samples = problem->samples;
     if (n == 0 || n > LG_NEWTON_MAX_PARAMETERS || samples == 0 || samples > UINT32_MAX)
         return LG_INVALID_ARGUMENT;

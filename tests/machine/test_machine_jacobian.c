@@ -217,8 +217,8 @@ TEST("the rows of a long window are solved for together: loss, residuals and Jac
     lg_var taped;
     assert_ok(lg_machine_loss(NULL, &t->problem, theta, &loss, &floor, NULL));
     const lg_var x = lg_parameter(tape, lg_shape1((uint32_t)t->fit.parameters), theta);
-    assert_ok(t->fit.loss(t->fit.user, tape, x, samples, PARTS, PARTS, &taped));
-    assert_ok(lg_read(tape, taped, 1, &whole));
+    assert_ok(t->fit.residuals(t->fit.user, tape, x, samples, PARTS, PARTS, &taped));
+    assert_ok(lg_read(tape, lg_sum(tape, lg_square(tape, taped)), 1, &whole));
     assert_close(loss, whole, 1e-11, 0);
     if (!(floor > 0 && floor < 0.01 * loss)) fail_msg("floor %g of the loss %g", floor, loss);
     lg_machine other = machine;

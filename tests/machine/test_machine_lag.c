@@ -216,7 +216,8 @@ static double loss_at(const lg_machine *machine, const data *d, uint32_t window,
     lg_tape *tape = test_tape(LG_F64);
     const lg_var at = lg_parameter(tape, lg_shape1((uint32_t)machine->parameters), theta);
     lg_var y, g, gg;
-    assert_ok(fit.loss(fit.user, tape, at, samples, problem.windows, problem.windows, &y));
+    assert_ok(fit.residuals(fit.user, tape, at, samples, problem.windows, problem.windows, &y));
+    y = lg_sum(tape, lg_square(tape, y));
     assert_ok(lg_read(tape, y, 1, &loss));
     if (gradient == NULL) return loss;
     assert_ok(lg_grad(tape, y, &at, 1, &g));

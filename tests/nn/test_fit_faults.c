@@ -247,7 +247,7 @@ TEST("invalid options and problems are refused") {
     problem = regression_problem(&r);
     BAD((problem.samples = 1, o.validation = 0.5));
     problem = regression_problem(&r);
-    BAD(problem.loss = NULL);
+    BAD((problem.loss = NULL, problem.residuals = NULL));
     problem = regression_problem(&r);
     lg_fit *fit = NULL;
     theta[3] = INFINITY;
@@ -260,7 +260,7 @@ TEST("invalid options and problems are refused") {
     lg_fit_destroy(NULL);
     for (int row = 0; row < 6; row++) {
         problem = regression_problem(&r);
-        if (row == 0) problem.loss = NULL;
+        if (row == 0) problem.loss = NULL, problem.residuals = NULL;
         if (row == 1) problem.samples = 0;
         if (row == 2) problem.parameters = 0;
         if (row == 3) problem.samples = SIZE_MAX;

@@ -384,6 +384,17 @@ TEST("a loss that is not finite is an error at the start, and later shortens the
     assert_message(&error, "loss is NaN");
 }
 
+TEST("without a loss function the loss is the sum of the squares of the residuals") {
+    regression r = make_regression();
+    lg_fit_problem problem = regression_problem(&r);
+    const double *theta = regression_start(&r);
+    double given = 0, derived = 0;
+    assert_ok(lg_fit_problem_loss(NULL, &problem, theta, &given, NULL));
+    problem.loss = NULL;
+    assert_ok(lg_fit_problem_loss(NULL, &problem, theta, &derived, NULL));
+    assert_close(derived, given, 1e-13, 0);
+}
+
 TEST("single precision and too many parameters are refused") {
     regression r = make_regression();
     lg_fit_problem problem = regression_problem(&r);

@@ -32,6 +32,12 @@ lg_status lg_tape_needs(lg_tape *tape, const char *operation, bool all) {
     return tape->status;
 }
 
+lg_status lg_tape_conclude(const lg_tape *tape, lg_status status, lg_error *error) {
+    if (status == LG_OK) return LG_OK;
+    const bool of_tape = tape != NULL && tape->status != LG_OK;
+    return lg_fail(error, status, "%s", of_tape ? tape->message : lg_status_sentence(status));
+}
+
 lg_var lg_tape_fail(lg_tape *tape, lg_status status, const char *operation, const char *reason) {
     if (tape->status != LG_OK) return LG_NONE;
     tape->status = status;

@@ -271,5 +271,8 @@ static inline int lg_axis(int axis, uint32_t rank) {
 /* Returns the tape's sticky status. `all` says whether all pointers that the operation needs are non-NULL; if
  * it is false, the tape fails with LG_INVALID_ARGUMENT. A NULL tape also gives LG_INVALID_ARGUMENT. */
 lg_status lg_tape_needs(lg_tape *tape, const char *operation, bool all);
+/* Returns `status`. Unless it is LG_OK, writes a sentence: the sentence of the tape if the tape (may be NULL)
+ * has failed, otherwise the sentence of the status. */
+lg_status lg_tape_conclude(const lg_tape *tape, lg_status status, lg_error *error);
 
 #endif

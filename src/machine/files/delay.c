@@ -17,8 +17,7 @@ static size_t fill(const lg_machine *machine, const lg_machine_log *log, bool li
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
     const double *q = log->q + row * nq, *v = log->v + row * nv;
     size_t used = 0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         for (uint32_t k = at.position; k < at.position + at.positions; k++) {
             const double mean = 0.5 * (q[k] + q[nq + k]);
             const bool angle = at.angle && !linear;

@@ -34,8 +34,7 @@ size_t lg_point_errors(const lg_machine *machine, const double *q, const double 
                        const double *given_v, bool turned, lg_point_error *out) {
     const lg_run_error of_v = machine->accelerations ? LG_ERROR_ACCELERATION : LG_ERROR_VELOCITY;
     size_t count = 0;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         const uint32_t places = at.position + at.places, end = at.position + at.positions;
         const lg_run_error of_q = at.angle ? LG_ERROR_ANGLE : LG_ERROR_LINE,
                            attitude = at.rotations > 0 ? LG_ERROR_ROTATION : LG_ERROR_DIRECTION;
@@ -43,12 +42,12 @@ size_t lg_point_errors(const lg_machine *machine, const double *q, const double 
             const bool whole = turned && k == places;
             const double error =
                 whole ? angle_of(q + k, given_q + k, end - k) : difference(q[k], given_q[k], at.angle);
-            out[count++] = (lg_point_error){error, i, k, k < places ? of_q : attitude};
+            out[count++] = (lg_point_error){error, at.index, k, k < places ? of_q : attitude};
             if (whole) break;
         }
         for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
             out[count++] =
-                (lg_point_error){difference(v[k], given_v[k], false), i, machine->positions + k, of_v};
+                (lg_point_error){difference(v[k], given_v[k], false), at.index, machine->positions + k, of_v};
     }
     return count;
 }

@@ -10,14 +10,13 @@
 static void find_place(const lg_machine_problem *problem, lg_machine_verdict *out) {
     const lg_machine *machine = problem->machine;
     out->placed = lg_machine_mass_at(problem, out->positions);
-    for (uint32_t i = 0; i < machine->coordinate_count && out->placed; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        for (uint32_t k = 0; k < at.positions && lg_machine_sees(machine, LG_MACHINE_MASS, i); k++)
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at) && out->placed;) {
+        for (uint32_t k = 0; k < at.positions && lg_machine_sees(machine, LG_MACHINE_MASS, at.index); k++)
             lg_append(out->place, sizeof out->place, "%s%s %.3g",
                       k > 0                   ? ","
                       : out->place[0] != '\0' ? ", "
                                               : "at ",
-                      k > 0 ? "" : machine->coordinates[i].name, out->positions[at.position + k]);
+                      k > 0 ? "" : machine->coordinates[at.index].name, out->positions[at.position + k]);
     }
 }
 

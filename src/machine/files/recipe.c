@@ -92,9 +92,8 @@ static uint32_t window_of_noise(const lg_machine_model_run *run, const lg_machin
     static const double several = 4;
     const lg_machine *machine = &run->machine;
     uint32_t window = least;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
-        const double enough = several * s->noise.position[i];
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
+        const double enough = several * s->noise.position[at.index];
         while (at.positions == 1 && window < MOST &&
                bend(machine, &s->data.training, at.position, window) < enough)
             window += window / 2;

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "liegrad/geometry.h"
 #include "liegrad/minimise.h"
 #include "machine/files/recipe.h"
 
@@ -37,15 +38,10 @@ static bool local(const lg_machine_log *log, const double *x, size_t stride, siz
 /* Velocities of one coordinate from q and q' of its position, as logs have them. */
 static void velocity_of(const lg_machine_offsets *is, const double *q, const double *dq, double *v) {
     const double *R = q + is->places, *dR = dq + is->places;
-    if (is->directions > 0) {
-        for (int i = 0; i < 3; i++)
-            v[i] = q[(i + 1) % 3] * dq[(i + 2) % 3] - q[(i + 2) % 3] * dq[(i + 1) % 3];
-        return;
-    }
+    if (is->directions > 0) lg_cross3(q, dq, v);
     for (uint32_t i = 0; i < is->places; i++) v[i] = dq[i];
     if (is->rotations == 0) return;
-    if (is->places > 0)
-        for (int i = 0; i < 3; i++) v[i] = R[i] * dq[0] + R[3 + i] * dq[1] + R[6 + i] * dq[2];
+    if (is->places > 0) lg_so3_coadjoint(R, dq, v);
     for (int i = 0; i < 3; i++) {
         const int j = (i + 1) % 3, k = (i + 2) % 3;
         double sum = 0;
@@ -57,8 +53,7 @@ static void velocity_of(const lg_machine_offsets *is, const double *q, const dou
 static void smooth_row(const lg_machine *machine, const lg_machine_log *log, size_t first, size_t last,
                        size_t row, size_t degree, double *q, double *v) {
     const uint32_t n = machine->positions;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const lg_machine_offsets at = lg_machine_offsets_of(machine, i);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         double dq[12], *own = q + at.position;
         bool there = true;
         for (uint32_t k = 0; k < at.positions; k++) {

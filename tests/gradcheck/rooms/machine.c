@@ -116,12 +116,13 @@ static lg_var build_loss(const settings *s, lg_tape *tape, lg_var theta) {
     static const uint32_t samples[BATCH] = {0, 1};
     data d;
     lg_fit_problem fit;
-    lg_var loss = LG_NONE;
+    lg_var r = LG_NONE;
     fill(&s->machine, &d);
     const lg_machine_problem problem = problem_of(s, &d);
     lg_machine_fit_problem(&problem, &fit);
-    const lg_status status = fit.loss(fit.user, tape, theta, samples, BATCH, BATCH, &loss);
-    return status == LG_OK ? loss : lg_tape_fail(tape, status, "machine", "the loss failed");
+    const lg_status status = fit.residuals(fit.user, tape, theta, samples, BATCH, BATCH, &r);
+    return status == LG_OK ? lg_sum(tape, lg_square(tape, r))
+                           : lg_tape_fail(tape, status, "machine", "the loss failed");
 }
 
 /* x: for LOSS theta alone; else the state (B, d), theta and, for FIELD, the input. */
