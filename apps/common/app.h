@@ -234,6 +234,9 @@ void app_must_file(const app *app, lg_status status, const lg_error *error, cons
         lg_error error = {LG_OK, ""};                                                                        \
         app_must_file(app, call, &error, path);                                                              \
     } while (0)
+/* APP_MUST_FILE of function(context, path, ..., &error). */
+#define APP_FILE(app, path, function, ...)                                                                   \
+    APP_MUST_FILE(app, path, function((app)->context, path, __VA_ARGS__, &error))
 /* A local variable that is freed, or destroyed, at the end of its scope:
  *   APP_FREE double *theta = app_alloc(n, sizeof *theta);
  *   APP_CLEAN(lg_trajectories_destroy) lg_trajectories test = {0}; */

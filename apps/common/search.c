@@ -617,7 +617,7 @@ void search_main(app *self, const app_command *train, train_task *task) {
     self->continues = search_given.resume || trials_continues(&search.work);
     app_check_outputs(self, &out, 1);
     train_begin(self, task, 1);
-    APP_MUST_FILE(self, ranges, lg_search_file_read(self->context, ranges, file, &error));
+    APP_FILE(self, ranges, lg_search_file_read, file);
     check_names(self, train, task, file);
     plan(&search);
     train_read(self, task);

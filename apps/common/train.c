@@ -330,9 +330,7 @@ static void adopt_size(app *self, const app_settings *settings, const void *from
 static void open_stored(app *self, const train_task *task, stored_run *stored) {
     if (files->resume == NULL) return;
     stored->run = app_keep(1, task->settings[0].size);
-    APP_MUST_FILE(self, files->resume,
-                  lg_checkpoint_open(self->context, files->resume, NULL, task->recipe, stored->run,
-                                     &stored->reader, &error));
+    APP_FILE(self, files->resume, lg_checkpoint_open, NULL, task->recipe, stored->run, &stored->reader);
     adopt_size(self, &task->settings[0], stored->run);
     if (!app_given(self, "preset")) app_adopt(self, &task->settings[0], stored->run, false);
     if (!self->seed_given) self->seed = stored_training(task, stored)->seed;

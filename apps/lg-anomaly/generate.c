@@ -232,7 +232,7 @@ static void run(app *self) {
     (void)snprintf(data.housing, sizeof data.housing, "%s", housing_names[values.well.housing]);
     (void)snprintf(data.healthy, sizeof data.healthy, "%s", data.series.class_name[0]);
     data.provenance = app_provenance(self, self->seed);
-    APP_MUST_FILE(self, values.out, lg_series_write(self->context, values.out, &data, &error));
+    APP_FILE(self, values.out, lg_series_write, &data);
     trials_end(&made);
     app_plot_draw(self, 0, &data.series.rate);
     report(self, &data, seconds);

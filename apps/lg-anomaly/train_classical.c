@@ -443,9 +443,7 @@ void train_classical(const app *program) {
     file->accuracy = state->judged.metrics.accuracy;
     file->f1 = state->judged.metrics.f1;
     file->provenance = app_provenance(program, train_run.training.seed);
-    APP_MUST_FILE(
-        program, train_given_files.out,
-        lg_recipe_save(program->context, train_given_files.out, &classifier_recipe, file, NULL, &error));
+    APP_FILE(program, train_given_files.out, lg_recipe_save, &classifier_recipe, file, NULL);
     app_plot_draw(program, plots_of(&self.model, true),
                   &(viewing){&self.model, lg_detector_tested(state),
                              state->tested.count > 0 ? &state->judged : &state->train_judged,

@@ -220,7 +220,7 @@ static bool chooses_gains(const app *self, const lg_policy_task *task) {
 lg_policy *control_read_policy(const app *self, const char *path, const double *gains, size_t count) {
     lg_policy *policy = NULL;
     if (!is_task(path)) {
-        APP_MUST_FILE(self, path, lg_policy_load(self->context, path, NULL, &policy, NULL, &error));
+        APP_FILE(self, path, lg_policy_load, NULL, &policy, NULL);
         return policy;
     }
     lg_policy_task task;
@@ -643,8 +643,7 @@ static void write_certificate(const app *self, naming names, lg_certify_spec *sp
         is_task(self->arguments[0]) ? control_plant_path(self, own) : app_format("%s", own);
     copy_name(file.plant, plant);
     copy_name(file.controller, own);
-    APP_MUST_FILE(self, values.certificate,
-                  lg_certificate_save(self->context, values.certificate, &file, &error));
+    APP_FILE(self, values.certificate, lg_certificate_save, &file);
     lg_certificate_destroy(&file);
 }
 

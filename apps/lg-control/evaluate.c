@@ -130,7 +130,7 @@ static void lay_out(following *f, const char *path) {
         app_stop(f->self, LG_FORMAT,
                  "--reference: the policy's task tracks no coordinate; give it track: [NAME]");
     f->numbers = f->tracked * (f->velocities > 0 ? 2 : 1);
-    APP_MUST_FILE(f->self, path, lg_table_names_read(f->self->context, path, NULL, &names, &error));
+    APP_FILE(f->self, path, lg_table_names_read, NULL, &names);
     for (uint32_t k = 0; k < f->tracked; k++) {
         const char *wanted = f->task->coordinate[f->place[k]].velocity;
         bool found = false;
@@ -139,9 +139,7 @@ static void lay_out(following *f, const char *path) {
     }
     for (uint32_t k = 0; rates && k < f->tracked; k++)
         f->column[f->columns++] = f->task->coordinate[f->place[k]].velocity;
-    APP_MUST_FILE(
-        f->self, path,
-        lg_table_read(f->self->context, path, f->column, f->columns, NULL, NULL, &f->table, &error));
+    APP_FILE(f->self, path, lg_table_read, f->column, f->columns, NULL, NULL, &f->table);
     for (size_t i = 0; i < f->table.rows * f->columns; i++)
         if (!isfinite(f->table.values[i]))
             app_stop(f->self, LG_FORMAT, "%s: %s %zu: column %s has no number", path, f->table.place,
@@ -238,8 +236,7 @@ static void run(app *self) {
     lg_policy *trained = NULL, *policy = NULL;
     lg_policy_outcome rough;
     lg_policy_task names;
-    APP_MUST_FILE(self, self->arguments[0],
-                  lg_policy_load(self->context, self->arguments[0], NULL, &trained, NULL, &error));
+    APP_FILE(self, self->arguments[0], lg_policy_load, NULL, &trained, NULL);
     lg_program *plant = values.plant != NULL ? other_plant(self, trained, &names) : NULL;
     APP_MUST(self,
              lg_policy_transplant(trained, plant, plant != NULL ? names.dead_time : NULL, &policy, &error));

@@ -53,9 +53,7 @@ static void save_state(const app *self, const lg_policy_trainer *trainer) {
     lg_file_writer *writer = NULL;
     lg_archive_writer archive;
     const lg_provenance provenance = app_provenance(self, self->seed);
-    APP_MUST_FILE(
-        self, path,
-        lg_file_writer_create(self->context, path, "policy-checkpoint", &provenance, &writer, &error));
+    APP_FILE(self, path, lg_file_writer_create, "policy-checkpoint", &provenance, &writer);
     lg_status status = lg_file_writer_archive(writer, "training", &archive);
     lg_error error = {LG_OK, ""};
     if (status == LG_OK) status = lg_policy_trainer_save(trainer, &archive, &error);
@@ -200,8 +198,7 @@ static void store(const app *self, const lg_policy *policy, const lg_policy_trai
                   control_machine *machine, const char *text, const lg_policy_train_result *result,
                   bool stopped) {
     const lg_provenance provenance = app_provenance(self, self->seed);
-    APP_MUST_FILE(self, values.out,
-                  lg_policy_save(self->context, values.out, policy, text, &provenance, &error));
+    APP_FILE(self, values.out, lg_policy_save, policy, text, &provenance);
     if (stopped)
         save_state(self, trainer);
     else

@@ -84,7 +84,7 @@ static void run(app *self) {
     lg_certify *certify = NULL;
     lg_certify_result r;
     const char *path = self->arguments[0];
-    APP_MUST_FILE(self, path, lg_certificate_load(self->context, path, &file, &error));
+    APP_FILE(self, path, lg_certificate_load, &file);
     APP_MUST_FILE(self, path, lg_certify_open(self->context, &file, (int)self->threads, &certify, &error));
     const comparison c =
         self->argument_count > 1 ? compare(self, &file, self->arguments[1]) : (comparison){.compared = false};

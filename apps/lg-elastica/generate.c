@@ -81,7 +81,7 @@ static void run(app *self) {
     APP_MUST(self, lg_elastica_generate(self->context, &sampling, &data.curves, &error));
     const double seconds = app_seconds() - begin;
     data.provenance = app_provenance(self, self->seed);
-    APP_MUST_FILE(self, values.out, lg_elastica_data_write(self->context, values.out, &data, &error));
+    APP_FILE(self, values.out, lg_elastica_data_write, &data);
     app_plot_draw(self, 0, &data.curves);
     report(self, &data, seconds);
 }

@@ -247,8 +247,7 @@ static void put_prediction(app_plot *plot, const void *predicted) {
 static void run_predict(app *self) {
     prediction p = {.seconds = 0};
     const char *model = self->arguments[0];
-    APP_MUST_FILE(self, model,
-                  lg_recipe_load(self->context, model, NULL, &lg_recipe_surrogate, &p.file, &error));
+    APP_FILE(self, model, lg_recipe_load, NULL, &lg_recipe_surrogate, &p.file);
     read_where(self, &p);
     read_points(self, &p);
     p.beyond = lg_elastica_count_outside(&p.file, p.x, NULL, 1);

@@ -119,7 +119,7 @@ static void choose_scheme(job *j) {
     j->options.scheme = lg_scheme_find(given.scheme);
     if (j->options.scheme != NULL) return;
     if (strchr(given.scheme, '/') == NULL && !is_text(given.scheme)) unknown_scheme(j);
-    APP_MUST_FILE(j->self, given.scheme, lg_scheme_read(j->self->context, given.scheme, &j->scheme, &error));
+    APP_FILE(j->self, given.scheme, lg_scheme_read, &j->scheme);
     j->options.scheme = j->scheme;
 }
 
@@ -229,9 +229,7 @@ static void build(job *j) {
         app_stop_usage(j->self,
                        "%s: a scene can be exported only with --target casadi, fmu2, fmu3 or simulink",
                        j->path);
-    if (!scene)
-        APP_MUST_FILE(j->self, j->path,
-                      lg_model_file_kind(j->self->context, j->path, NULL, own, sizeof own, &error));
+    if (!scene) APP_FILE(j->self, j->path, lg_model_file_kind, NULL, own, sizeof own);
     const bool classifier = strcmp(own, "classifier") == 0, policy = strcmp(own, "policy") == 0;
     if (!scene && lg_recipe_find(own) == NULL && !classifier) check_file(j, own);
     if (!scene) export_read_units(j->self, j->path, &j->options);

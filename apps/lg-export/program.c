@@ -379,7 +379,7 @@ void export_program(const app *self, const char *path, export_source *source) {
     lg_program *program;
     export_names functions;
     const bool given = source->options->functions != NULL;
-    APP_MUST_FILE(self, path, lg_program_load(self->context, path, NULL, &program, &error));
+    APP_FILE(self, path, lg_program_load, NULL, &program);
     if (given) export_choose(self, source->options, program, NULL, &functions);
     export_whole(self, path, program, given ? &functions : NULL, source);
     lg_program_destroy(program);

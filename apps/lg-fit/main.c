@@ -176,9 +176,9 @@ static void run_predict(app *self) {
     counts found = {0};
     if (self->json && app_common_given.out == NULL)
         app_stop_usage(self, "--json: give --out FILE; without it the predictions go to standard output");
-    APP_MUST_FILE(self, model, lg_recipe_load(self->context, model, NULL, &lg_recipe_table, &file, &error));
+    APP_FILE(self, model, lg_recipe_load, NULL, &lg_recipe_table, &file);
     const lg_table_names inputs = {file.run.model.net.inputs, file.input_name, NULL}, none = {.count = 0};
-    APP_MUST_FILE(self, path, lg_table_sheet_read(self->context, path, &inputs, &none, NULL, &table, &error));
+    APP_FILE(self, path, lg_table_sheet_read, &inputs, &none, NULL, &table);
     write_rows(self, &file, &table, &found);
     const size_t rows = table.data.rows;
     lg_table_data_destroy(&table.data);

@@ -136,12 +136,11 @@ static void run(app *self) {
     lg_hamiltonian_file file;
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories test = {0};
     check_record(self);
-    APP_MUST_FILE(self, model,
-                  lg_recipe_load(self->context, model, NULL, &lg_recipe_hamiltonian, &file, &error));
+    APP_FILE(self, model, lg_recipe_load, NULL, &lg_recipe_hamiltonian, &file);
     lg_read_options reading;
     lg_read_options_init(&reading);
     if (file.constraint != NULL) reading.constraint = lg_constraint_program(file.constraint);
-    APP_MUST_FILE(self, data, lg_trajectories_read(self->context, data, &reading, &test, &error));
+    APP_FILE(self, data, lg_trajectories_read, &reading, &test);
     lg_warn_of_inputs(self->context, data, &test);
     warn_of_data(self, &file.run, &test);
     self->code = evaluate(self, &file, &test);

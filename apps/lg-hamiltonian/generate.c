@@ -184,7 +184,7 @@ static lg_trajectory_options create(const app *self, const char *path, lg_scene 
     lg_error why = {LG_OK, ""};
     if (values.speed > 0)
         app_stop_usage(self, "--speed is for constraints; a scene says how starts are drawn");
-    APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, scene, &error));
+    APP_FILE(self, path, lg_scene_read, FORM, scene);
     if (values.segments > 0) scene->segments = (uint32_t)values.segments;
     const lg_trajectory_options how = options_of(self, scene);
     const lg_status status = sample_create(self->context, scene, &how, data, &why);
@@ -200,7 +200,7 @@ static lg_trajectory_options create_constrained(const app *self, const char *pat
     lg_constraint *constraint = NULL;
     lg_error why = {LG_OK, ""};
     if (values.segments > 0) app_stop_usage(self, "--segments is for scenes");
-    APP_MUST_FILE(self, path, lg_program_load(self->context, path, NULL, &program, &error));
+    APP_FILE(self, path, lg_program_load, NULL, &program);
     lg_status status = lg_constraint_create(self->context, program, &constraint, &why);
     if (status == LG_OK && !lg_constraint_moves(constraint))
         status = lg_fail(&why, LG_FORMAT, "there is no function potential (q) -> V");
@@ -233,7 +233,7 @@ static void run(app *self) {
     if (make_all(self, h5 ? NULL : &scene, &how, &data, &made)) {
         if (!h5) app_must_file(self, lg_trajectories_set_truth(&data, scene.system), NULL, values.out);
         data.provenance = app_provenance(self, self->seed);
-        APP_MUST_FILE(self, values.out, lg_trajectories_write(self->context, values.out, &data, &error));
+        APP_FILE(self, values.out, lg_trajectories_write, &data);
         trials_end(&made);
         report(self, &data, app_seconds() - begin);
     }

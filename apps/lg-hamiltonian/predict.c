@@ -75,7 +75,7 @@ static void start_from_scene(const app *self, prediction *p) {
     const lg_hamiltonian *model = &p->file->run.model;
     const lg_hamiltonian_family *family;
     uint32_t n;
-    APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, &p->scene, &error));
+    APP_FILE(self, path, lg_scene_read, FORM, &p->scene);
     p->has_scene = true;
     if (scene_family(&p->scene, &family, &n, &why) != LG_OK)
         app_stop(self, LG_FORMAT, "%s: line %u: %s", path, p->scene.line_system, why.message);
@@ -147,9 +147,7 @@ static void report(const app *self, const prediction *p) {
 
 static void write_outputs(const app *self, prediction *p) {
     p->y.provenance = app_provenance(self, self->seed);
-    if (app_common_given.out != NULL)
-        APP_MUST_FILE(self, app_common_given.out,
-                      lg_trajectories_write(self->context, app_common_given.out, &p->y, &error));
+    if (app_common_given.out != NULL) APP_FILE(self, app_common_given.out, lg_trajectories_write, &p->y);
     app_plot_draw(
         self, 0,
         &(drawn_flow){"The learned flow", &p->file->run.model, p->y.t, p->truth, p->y.data, 1, p->y.points});
@@ -168,8 +166,7 @@ static void run(app *self) {
     if (scene == (flow_given.initial.count > 0))
         app_stop_usage(self, scene ? "--initial and a scene cannot be given together"
                                    : "no start: give --initial X,X,... or a scene");
-    APP_MUST_FILE(self, path,
-                  lg_recipe_load(self->context, path, NULL, &lg_recipe_hamiltonian, &file, &error));
+    APP_FILE(self, path, lg_recipe_load, NULL, &lg_recipe_hamiltonian, &file);
     p.dim = lg_hamiltonian_state_dim(&file.run.model);
     p.start = app_keep(p.dim, sizeof *p.start);
     if (scene)

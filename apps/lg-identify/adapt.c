@@ -283,8 +283,7 @@ static void save(const app *self, const adapting *a) {
     file.theta = a->to.theta;
     file.spread = NULL;
     file.provenance = app_provenance(self, a->to.run.training.seed);
-    APP_MUST_FILE(self, values.out,
-                  lg_recipe_save(self->context, values.out, &lg_recipe_machine_model, &file, NULL, &error));
+    APP_FILE(self, values.out, lg_recipe_save, &lg_recipe_machine_model, &file, NULL);
 }
 
 static void run(app *self) {

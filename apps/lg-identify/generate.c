@@ -398,7 +398,7 @@ static void run(app *self) {
     const app_path inputs = {"excitation", find_form() < LG_COUNT(forms) ? NULL : values.excitation,
                              LG_FILE_READ, NULL};
     app_check_outputs(self, &inputs, 1);
-    APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &m.file, &error));
+    APP_FILE(self, path, lg_machine_file_read, &m.file);
     check_scene(self, &m.file);
     check_options(self, &m.file);
     begin(self, &m);

@@ -15,8 +15,7 @@ void identify_read(const app *self, const lg_machine_sources *from, lg_machine_d
 void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_given *out) {
     const char *path = self->arguments[0];
     const lg_machine_model_run *run = &out->file.run;
-    APP_MUST_FILE(self, path,
-                  lg_recipe_load(self->context, path, NULL, &lg_recipe_machine_model, &out->file, &error));
+    APP_FILE(self, path, lg_recipe_load, NULL, &lg_recipe_machine_model, &out->file);
     const lg_machine_sources from = {.machine = path,
                                      .text = run->text,
                                      .logs = self->arguments + 1,

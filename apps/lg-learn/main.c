@@ -148,7 +148,7 @@ static void refuse_flow(const app *self) {
 static void run_predict(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(lg_model_file_destroy) lg_model_file file = {0};
-    APP_MUST_FILE(self, path, lg_model_load(self->context, path, NULL, &file, &error));
+    APP_FILE(self, path, lg_model_load, NULL, &file);
     if (flow_given.initial.count != lg_model_inputs(file.model))
         app_stop_usage(self, "--initial: %zu numbers are given, but the model takes %zu",
                        flow_given.initial.count, lg_model_inputs(file.model));
