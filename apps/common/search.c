@@ -492,8 +492,7 @@ static void report(const searching *search, double seconds) {
     if (!search->app->json) print_trials(search);
     app_result_line(json, "%zu trials: %zu done, %zu stopped early, %zu failed (%.1f s)", search->count,
                     states[LG_TRIAL_DONE], states[LG_TRIAL_PRUNED], states[LG_TRIAL_FAILED], seconds);
-    app_json_size(json, "trials", search->count);
-    app_json_size(json, "new", search->count - search->before);
+    APP_PUT(json, LG_AS_WHOLE("trials", search->count), LG_AS_WHOLE("new", search->count - search->before));
     for (int i = 0; i < LG_TRIAL_STATE_COUNT; i++)
         app_json_size(json, lg_trial_state_name((lg_trial_state)i), states[i]);
     if (best < search->count && search->app->json)

@@ -60,8 +60,7 @@ void verb_evaluate(app *self) {
     train_draw(self, &task);
     app_json *out = self->out;
     train_put_results(out, training, 0, training->result_count);
-    app_json_text(out, "recipe", recipe->name);
-    app_json_real(out, "seconds", training->seconds);
+    APP_PUT(out, LG_AS_TEXT("recipe", recipe->name), LG_AS_REAL("seconds", training->seconds));
     app_result_end(self);
     if (!self->json && task.print != NULL) task.print(training);
     if (training->verdict.failed) self->code = APP_EXIT_NUMERIC;

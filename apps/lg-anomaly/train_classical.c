@@ -285,9 +285,9 @@ void put_pruning(app_plot *plot, const void *view) {
 /* ---- results ---- */
 
 static void put_choice(app_json *out, const choice *chosen) {
-    app_result_real(out, "cv_accuracy", chosen->accuracy[chosen->best],
-                    "best of the grid by cross-validation");
-    app_json_real(out, "grid_seconds", chosen->seconds);
+    APP_PUT(out,
+            APP_REAL("cv_accuracy", chosen->accuracy[chosen->best], "best of the grid by cross-validation"),
+            LG_AS_REAL("grid_seconds", chosen->seconds));
     app_json_open(out, "grid", '[');
     for (size_t i = 0; i < chosen->count; i++) {
         const lg_classifier_options *option = &chosen->options[i];
@@ -307,9 +307,8 @@ static void put_choice(app_json *out, const choice *chosen) {
 
 static void put_method(app_json *out, const lg_classifier *model, const lg_classifier_options *option) {
     if (model->method == LG_METHOD_TREE) {
-        app_result_size(out, "depth", model->tree.depth, NULL);
-        app_result_size(out, "nodes", model->tree.count, NULL);
-        APP_PUT(out, LG_AS_TEXT("criterion", lg_tree_criterion_name(option->tree.criterion)),
+        APP_PUT(out, APP_WHOLE("depth", model->tree.depth, NULL), APP_WHOLE("nodes", model->tree.count, NULL),
+                LG_AS_TEXT("criterion", lg_tree_criterion_name(option->tree.criterion)),
                 LG_AS_REAL("ccp_alpha", option->tree.ccp_alpha),
                 LG_AS_WHOLE("max_depth", option->tree.max_depth),
                 LG_AS_WHOLE("min_samples_split", option->tree.min_samples_split),
@@ -322,23 +321,23 @@ static void put_method(app_json *out, const lg_classifier *model, const lg_class
             app_result_size(out, "iterations", model->logistic.iterations, NULL);
             return;
         }
-        app_result_size(out, "support_vectors", model->svm.vectors, NULL);
-        app_json_real(out, "gamma", model->method == LG_METHOD_SVM_RBF ? model->svm.gamma : (double)NAN);
+        APP_PUT(out, APP_WHOLE("support_vectors", model->svm.vectors, NULL),
+                LG_AS_REAL("gamma", model->method == LG_METHOD_SVM_RBF ? model->svm.gamma : (double)NAN));
     }
 }
 
 static void put_classical(app_json *out, const classical *self) {
     const lg_classifier *model = &self->model.file.classifier;
     if (self->model.sort == WELL_NOVELTY) {
-        app_result_size(out, "feature_count", self->model.file.novelty.features, NULL);
-        app_json_size(out, "bands", self->model.file.novelty.bands);
+        APP_PUT(out, APP_WHOLE("feature_count", self->model.file.novelty.features, NULL),
+                LG_AS_WHOLE("bands", self->model.file.novelty.bands));
         return;
     }
-    app_result_text(out, "features", lg_feature_kind_name(model->features.kind), NULL);
-    app_result_size(out, "feature_count", model->features.count, NULL);
-    app_result_size(out, "components", model->pca.components, NULL);
-    app_json_text(out, "directions", train_given.directions == 1 ? "x" : "xy");
-    app_result_real(out, "feature_seconds", self->feature_seconds, NULL);
+    APP_PUT(out, APP_TEXT("features", lg_feature_kind_name(model->features.kind), NULL),
+            APP_WHOLE("feature_count", model->features.count, NULL),
+            APP_WHOLE("components", model->pca.components, NULL),
+            LG_AS_TEXT("directions", train_given.directions == 1 ? "x" : "xy"),
+            APP_REAL("feature_seconds", self->feature_seconds, NULL));
     put_method(out, model, &self->chosen.options[self->chosen.best]);
     if (self->chosen.accuracy != NULL) put_choice(out, &self->chosen);
 }
@@ -352,13 +351,12 @@ static void report(const classical *self) {
     lg_detector_tell_training(training, model->method, model->file.names.classes,
                               model->file.names.class_name);
     train_put_results(out, training, 0, training->result_count);
-    app_result_text(out, "healthy", train_run.healthy[0] != '\0' ? train_run.healthy : NULL, NULL);
-    app_result_text(out, "split", lg_split_name(train_run.split), NULL);
-    app_json_real(out, "test_fraction", train_run.test_fraction);
+    APP_PUT(out, APP_TEXT("healthy", train_run.healthy[0] != '\0' ? train_run.healthy : NULL, NULL),
+            APP_TEXT("split", lg_split_name(train_run.split), NULL),
+            LG_AS_REAL("test_fraction", train_run.test_fraction));
     put_classical(out, self);
-    app_json_size(out, "seed", program->seed);
-    app_json_size(out, "threads", program->threads);
-    app_result_text(out, "out", train_given_files.out, NULL);
+    APP_PUT(out, LG_AS_WHOLE("seed", program->seed), LG_AS_WHOLE("threads", program->threads),
+            APP_TEXT("out", train_given_files.out, NULL));
     if (model->sort == WELL_CLASSICAL) app_json_real(out, "floor", (double)NAN);
 }
 

@@ -205,8 +205,8 @@ static void tell_errors(const following *f, app_json *out, const sums *sum, doub
     for (uint32_t k = 0; k < f->tracked; k++) {
         const char *name = f->task->coordinate[f->place[k]].name;
         APP_FREE char *rms = app_format("%s_rms", name), *largest = app_format("%s_largest", name);
-        app_result_real(out, rms, sqrt(sum[k].square), "of the distance from the set point");
-        app_result_real(out, largest, sum[k].largest, NULL);
+        APP_PUT(out, APP_REAL(rms, sqrt(sum[k].square), "of the distance from the set point"),
+                APP_REAL(largest, sum[k].largest, NULL));
     }
     app_result_real(out, "saturated", saturated, "share of the periods with an input at a limit");
     app_json_close(out, '}');

@@ -86,19 +86,17 @@ lg_policy_outcome control_evaluate(const app *self, const lg_policy *policy, lg_
 
 static void put_success(app_json *out, const lg_policy_outcome *o) {
     const double interval[] = {o->success_low, o->success_high};
-    app_result_real(out, "success", (double)o->succeeded / (double)o->starts, "share of the starts");
-    app_result_reals(out, "success_interval", interval, 2, "95 %");
+    APP_PUT(out, APP_REAL("success", (double)o->succeeded / (double)o->starts, "share of the starts"),
+            APP_REALS("success_interval", interval, 2, "95 %"));
 }
 
 void control_tell_outcome(app_json *out, const char *key, const char *heading, const lg_policy_outcome *o) {
     if (heading != NULL) app_result_line(out, "%s:", heading);
     if (key != NULL) app_json_open(out, key, '{');
-    app_result_size(out, "starts", o->starts, NULL);
-    app_result_size(out, "succeeded", o->succeeded, NULL);
+    APP_PUT(out, APP_WHOLE("starts", o->starts, NULL), APP_WHOLE("succeeded", o->succeeded, NULL));
     put_success(out, o);
-    app_result_real(out, "cost_mean", o->cost_mean, NULL);
-    app_result_real(out, "cost_median", o->cost_median, NULL);
-    app_result_real(out, "saturated", o->saturated, "share of the periods with an input at a limit");
+    APP_PUT(out, APP_REAL("cost_mean", o->cost_mean, NULL), APP_REAL("cost_median", o->cost_median, NULL),
+            APP_REAL("saturated", o->saturated, "share of the periods with an input at a limit"));
     if (key != NULL) app_json_close(out, '}');
 }
 
@@ -175,12 +173,10 @@ static void report(const app *self, const lg_policy *trained, control_machine *m
     app_result_real(out, "regulator_success", (double)regulator.succeeded / (double)regulator.starts,
                     "share, the saturated regulator alone");
     if (disturbed) control_tell_outcome(out, "disturbed", "with the disturbances of the task", &rough);
-    app_result_size(out, "parameters", lg_policy_parameters(policy), NULL);
-    app_result_size(out, "substeps", lg_policy_task_of(trained)->substeps, "of the integrator in a period");
-    app_result_real(out, "seconds", result->seconds, NULL);
-    app_result_size(out, "seed", self->seed, NULL);
-    app_result_size(out, "winner", result->seed, "of the race");
-    app_result_text(out, "out", values.out, NULL);
+    APP_PUT(out, APP_WHOLE("parameters", lg_policy_parameters(policy), NULL),
+            APP_WHOLE("substeps", lg_policy_task_of(trained)->substeps, "of the integrator in a period"),
+            APP_REAL("seconds", result->seconds, NULL), APP_WHOLE("seed", self->seed, NULL),
+            APP_WHOLE("winner", result->seed, "of the race"), APP_TEXT("out", values.out, NULL));
     report_gap(self, policy, seed,
                values.seconds > 0 ? 0.2 * values.seconds : fmax(10, 0.2 * result->seconds), out);
     control_tell_robustness(policy, machine, values.robustness, out);

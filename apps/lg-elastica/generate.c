@@ -52,18 +52,14 @@ static void report(const app *self, const lg_elastica_data *data, double seconds
         high = fmax(high, curves->energy[i]);
     }
     app_json *out = self->out;
-    app_result_text(out, "case", families_names[values.kind], NULL);
-    app_result_size(out, "curves", curves->count, NULL);
-    app_result_size(out, "intervals", curves->intervals, NULL);
-    app_result_text(out, "values", curves->continuous ? "continuous" : "discrete", NULL);
-    APP_PUT(out, LG_AS_REAL("length", curves->length), LG_AS_REAL("stiffness", curves->stiffness),
-            LG_AS_REAL("gap", values.gap));
-    app_result_real(out, "energy_min", low, NULL);
-    app_result_real(out, "energy_max", high, NULL);
-    app_json_size(out, "threads", self->threads);
-    app_json_text(out, "sha256", data->sha256);
-    app_result_text(out, "out", values.out, NULL);
-    app_result_real(out, "seconds", seconds, NULL);
+    APP_PUT(out, APP_TEXT("case", families_names[values.kind], NULL),
+            APP_WHOLE("curves", curves->count, NULL), APP_WHOLE("intervals", curves->intervals, NULL),
+            APP_TEXT("values", curves->continuous ? "continuous" : "discrete", NULL),
+            LG_AS_REAL("length", curves->length), LG_AS_REAL("stiffness", curves->stiffness),
+            LG_AS_REAL("gap", values.gap), APP_REAL("energy_min", low, NULL),
+            APP_REAL("energy_max", high, NULL), LG_AS_WHOLE("threads", self->threads),
+            LG_AS_TEXT("sha256", data->sha256), APP_TEXT("out", values.out, NULL),
+            APP_REAL("seconds", seconds, NULL));
 }
 
 static void run(app *self) {

@@ -217,22 +217,21 @@ static void report_curve(const app *self, const prediction *p) {
     app_json *out = self->out;
     app_json_reals(out, "s", at->s, at->count);
     result_nodes(out, at, predict_given.s.count > 0);
-    app_json_reals(out, "boundary", p->x, 8);
-    app_result_real(out, "distance", p->beyond.largest, "from the nearest boundary conditions trained on");
-    app_result_real(out, "reach", p->beyond.reach, "largest distance among these");
-    app_result_real(out, "off_family", p->beyond.off, "from the family of boundary conditions trained on");
-    app_result_real(out, "spread", p->beyond.spread, "largest such distance among these");
-    app_json_bool(out, "inside", p->beyond.count == 0);
-    app_result_real(out, "seconds", p->seconds, NULL);
+    APP_PUT(out, LG_AS_REALS("boundary", p->x, 8),
+            APP_REAL("distance", p->beyond.largest, "from the nearest boundary conditions trained on"),
+            APP_REAL("reach", p->beyond.reach, "largest distance among these"),
+            APP_REAL("off_family", p->beyond.off, "from the family of boundary conditions trained on"),
+            APP_REAL("spread", p->beyond.spread, "largest such distance among these"),
+            LG_AS_FLAG("inside", p->beyond.count == 0), APP_REAL("seconds", p->seconds, NULL));
     if (predict_given.solve) {
-        app_result_real(out, "max_error", p->max_error, "largest difference at the nodes");
-        app_result_real(out, "mse", p->mse, NULL);
-        app_result_real(out, "energy", p->stiff ? p->truth.solution.energy : NAN, NULL);
-        app_result_real(out, "rotation", p->truth.problem.rotation, NULL);
-        app_result_real(out, "solve_seconds", p->solve_seconds, NULL);
+        APP_PUT(out, APP_REAL("max_error", p->max_error, "largest difference at the nodes"),
+                APP_REAL("mse", p->mse, NULL),
+                APP_REAL("energy", p->stiff ? p->truth.solution.energy : NAN, NULL),
+                APP_REAL("rotation", p->truth.problem.rotation, NULL),
+                APP_REAL("solve_seconds", p->solve_seconds, NULL));
     }
-    app_json_text(out, "network", lg_surrogate_kind_name(p->file.run.model.options.kind));
-    app_json_text(out, "out", predict_given.out);
+    APP_PUT(out, LG_AS_TEXT("network", lg_surrogate_kind_name(p->file.run.model.options.kind)),
+            LG_AS_TEXT("out", predict_given.out));
 }
 
 /* The learned curve and, with --solve, the solution. */

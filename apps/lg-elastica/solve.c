@@ -37,13 +37,12 @@ static void add_problem(app_json *out, const lg_elastica *problem) {
 
 static void add_curve(app_json *out, const beam_curve *curve) {
     const lg_elastica_solution *solution = &curve->solution;
-    app_result_real(out, "energy", solution->energy, NULL);
-    app_result_size(out, "negative_eigenvalues", solution->negative_eigenvalues,
-                    solution->negative_eigenvalues == 0 ? "minimum" : "saddle");
-    app_result_real(out, "gradient", solution->gradient, NULL);
-    app_result_real(out, "residual", solution->residual, NULL);
-    app_result_reals(out, "multiplier", solution->force, 2, "force");
-    app_result_real(out, "rotation", curve->problem.rotation, NULL);
+    APP_PUT(out, APP_REAL("energy", solution->energy, NULL),
+            APP_WHOLE("negative_eigenvalues", solution->negative_eigenvalues,
+                      solution->negative_eigenvalues == 0 ? "minimum" : "saddle"),
+            APP_REAL("gradient", solution->gradient, NULL), APP_REAL("residual", solution->residual, NULL),
+            APP_REALS("multiplier", solution->force, 2, "force"),
+            APP_REAL("rotation", curve->problem.rotation, NULL));
     result_nodes(out, &curve->at, false);
 }
 
@@ -60,9 +59,8 @@ static void report_curve(const app *self, const beam_curve *curve, double second
         app_json_reals(out, "lambda", lambda, inner);
     }
     add_problem(out, &curve->problem);
-    app_result_size(out, "iterations", curve->solution.iterations, "Newton steps");
-    app_json_size(out, "problems", curve->solution.problems);
-    app_result_real(out, "seconds", seconds, NULL);
+    APP_PUT(out, APP_WHOLE("iterations", curve->solution.iterations, "Newton steps"),
+            LG_AS_WHOLE("problems", curve->solution.problems), APP_REAL("seconds", seconds, NULL));
 }
 
 /* Warns if the energy differs by more than 5 % from the energy of the continuous beam. If the continuous beam

@@ -268,10 +268,9 @@ static void report(const job *j) {
     const size_t parameters = source->parameters > 0 ? source->parameters : source->numbers;
     const lg_scheme *scheme = j->options.scheme;
     app_json *out = j->self->out;
-    app_result_text(out, "name", j->name, NULL);
-    app_result_text(out, "kind", j->kind, NULL);
-    app_result_text(out, "dtype", dtypes[j->source.single ? 1 : given.dtype], NULL);
-    app_result_text(out, "scheme", scheme != NULL ? scheme->name : NULL, "of the step");
+    APP_PUT(out, APP_TEXT("name", j->name, NULL), APP_TEXT("kind", j->kind, NULL),
+            APP_TEXT("dtype", dtypes[j->source.single ? 1 : given.dtype], NULL),
+            APP_TEXT("scheme", scheme != NULL ? scheme->name : NULL, "of the step"));
     app_json_open(out, "files", '[');
     for (size_t i = 0; i < source->file_count; i++) {
         app_json_text(out, NULL, source->files[i].name);
@@ -281,16 +280,14 @@ static void report(const job *j) {
     if (source->bundle) {
         app_json_size(out, "functions", source->functions);
     } else {
-        app_json_size(out, "inputs", source->inputs);
-        app_json_size(out, "outputs", source->outputs);
+        APP_PUT(out, LG_AS_WHOLE("inputs", source->inputs), LG_AS_WHOLE("outputs", source->outputs));
     }
-    app_result_size(out, "parameters", parameters, NULL);
-    app_result_size(out, "weights_bytes", source->numbers * real_bytes(j) + source->integer_bytes, NULL);
-    app_json_size(out, "work_size", source->work);
-    app_result_size(out, "work_bytes", source->work * real_bytes(j), NULL);
-    app_result_size(out, "stack_size", source->stack, "bytes at most");
-    app_result_size(out, "depth", source->depth, NULL);
-    app_result_real(out, "tolerance", export_tolerance(source), "of the self-test; make test runs it");
+    APP_PUT(out, APP_WHOLE("parameters", parameters, NULL),
+            APP_WHOLE("weights_bytes", source->numbers * real_bytes(j) + source->integer_bytes, NULL),
+            LG_AS_WHOLE("work_size", source->work),
+            APP_WHOLE("work_bytes", source->work * real_bytes(j), NULL),
+            APP_WHOLE("stack_size", source->stack, "bytes at most"), APP_WHOLE("depth", source->depth, NULL),
+            APP_REAL("tolerance", export_tolerance(source), "of the self-test; make test runs it"));
 }
 
 /* Warns about numbers that become 0 or lose digits in single precision: otherwise the result would be wrong

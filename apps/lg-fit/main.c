@@ -163,10 +163,9 @@ static void write_rows(const app *self, const lg_table_file *file, const lg_tabl
 
 static void report_rows(const app *self, size_t rows, const counts *found) {
     app_json *out = self->out;
-    app_result_text(out, "out", app_common_given.out, NULL);
-    app_result_size(out, "rows", rows, NULL);
-    app_result_size(out, "incomplete", found->incomplete, "rows that lack an input");
-    app_result_size(out, "outside", found->outside, "rows beyond the training range");
+    APP_PUT(out, APP_TEXT("out", app_common_given.out, NULL), APP_WHOLE("rows", rows, NULL),
+            APP_WHOLE("incomplete", found->incomplete, "rows that lack an input"),
+            APP_WHOLE("outside", found->outside, "rows beyond the training range"));
 }
 
 static void run_predict(app *self) {

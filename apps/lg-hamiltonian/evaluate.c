@@ -29,21 +29,19 @@ static evaluate_values values;
 static void report(const app *self, const lg_trajectories *test, const verdict *result, bool recorded,
                    double seconds) {
     app_json *out = self->out;
-    app_result_real(out, "E1", result->e1, "mean squared error of the learned flow");
-    app_result_real(out, "E2", result->e2,
-                    test->hamiltonian == NULL
-                        ? "the file of the test trajectories has no /hamiltonian"
-                        : "mean deviation of the Hamiltonian from the true one, up to a constant");
+    APP_PUT(out, APP_REAL("E1", result->e1, "mean squared error of the learned flow"),
+            APP_REAL("E2", result->e2,
+                     test->hamiltonian == NULL
+                         ? "the file of the test trajectories has no /hamiltonian"
+                         : "mean deviation of the Hamiltonian from the true one, up to a constant"));
     if (values.relative) {
-        app_result_real(out, "relative", result->relative, "geometric mean of |z - z'|/|z + z'| + 1e-8");
-        app_result_real(out, "relative_worst", result->relative_worst, "the same of the worst trajectory");
+        APP_PUT(out, APP_REAL("relative", result->relative, "geometric mean of |z - z'|/|z + z'| + 1e-8"),
+                APP_REAL("relative_worst", result->relative_worst, "the same of the worst trajectory"));
     }
-    app_result_size(out, "trajectories", test->count, NULL);
-    app_result_size(out, "points", test->points, "of each trajectory");
-    app_result_real(out, "t_end", test->t[test->points - 1] - test->t[0], NULL);
-    app_json_bool(out, "recorded", recorded);
-    app_json_size(out, "threads", self->threads);
-    app_result_real(out, "seconds", seconds, NULL);
+    APP_PUT(out, APP_WHOLE("trajectories", test->count, NULL),
+            APP_WHOLE("points", test->points, "of each trajectory"),
+            APP_REAL("t_end", test->t[test->points - 1] - test->t[0], NULL), LG_AS_FLAG("recorded", recorded),
+            LG_AS_WHOLE("threads", self->threads), APP_REAL("seconds", seconds, NULL));
     if (recorded) app_result_line(out, "Recorded in %s", self->arguments[0]);
 }
 

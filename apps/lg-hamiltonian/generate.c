@@ -41,18 +41,13 @@ static generate_values values = {.points = 5};
 
 static void report(const app *self, const lg_trajectories *data, double seconds) {
     app_json *out = self->out;
-    app_result_text(out, "system", data->system, NULL);
-    app_json_size(out, "links", data->n);
-    app_result_size(out, "trajectories", data->count, NULL);
-    app_result_size(out, "points", data->points, "of each");
-    app_result_size(out, "state_size", data->state_dim, "numbers of a point");
-    app_result_real(out, "dt", data->dt, NULL);
+    APP_PUT(out, APP_TEXT("system", data->system, NULL), LG_AS_WHOLE("links", data->n),
+            APP_WHOLE("trajectories", data->count, NULL), APP_WHOLE("points", data->points, "of each"),
+            APP_WHOLE("state_size", data->state_dim, "numbers of a point"), APP_REAL("dt", data->dt, NULL));
     const lg_field *noise = lg_field_find(generate_options, "noise"); /* noise_kind, noise_on follow */
     for (const lg_field *row = noise; row < noise + 3; row++) app_json_field(out, row, &values);
-    app_json_size(out, "seed", self->seed);
-    app_json_text(out, "sha256", data->sha256);
-    app_result_text(out, "out", values.out, NULL);
-    app_result_real(out, "seconds", seconds, NULL);
+    APP_PUT(out, LG_AS_WHOLE("seed", self->seed), LG_AS_TEXT("sha256", data->sha256),
+            APP_TEXT("out", values.out, NULL), APP_REAL("seconds", seconds, NULL));
 }
 
 /* ---- trajectories of a scene ---- */

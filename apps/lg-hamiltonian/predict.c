@@ -133,16 +133,14 @@ static double energy_drift(const prediction *p) {
 
 static void report(const app *self, const prediction *p) {
     app_json *out = self->out;
-    app_result_real(out, "t", p->t_end, NULL);
-    app_result_reals(out, "y", p->y.data + (p->y.points - 1) * p->dim, p->dim, NULL);
-    app_json_size(out, "points", p->y.points);
-    app_result_size(out, "steps", p->stats.steps, NULL);
-    app_json_size(out, "evaluations", p->stats.evaluations);
-    app_result_real(out, "energy_drift", energy_drift(p), "largest change of the learned energy");
-    app_result_real(out, "max_error", largest_difference(p),
-                    "largest difference from the true flow, which a scene gives");
-    app_json_text(out, "out", app_common_given.out);
-    app_result_real(out, "seconds", p->seconds, NULL);
+    APP_PUT(out, APP_REAL("t", p->t_end, NULL),
+            APP_REALS("y", p->y.data + (p->y.points - 1) * p->dim, p->dim, NULL),
+            LG_AS_WHOLE("points", p->y.points), APP_WHOLE("steps", p->stats.steps, NULL),
+            LG_AS_WHOLE("evaluations", p->stats.evaluations),
+            APP_REAL("energy_drift", energy_drift(p), "largest change of the learned energy"),
+            APP_REAL("max_error", largest_difference(p),
+                     "largest difference from the true flow, which a scene gives"),
+            LG_AS_TEXT("out", app_common_given.out), APP_REAL("seconds", p->seconds, NULL));
 }
 
 static void write_outputs(const app *self, prediction *p) {

@@ -213,8 +213,7 @@ static void put_row(app_json *out, const study_table *table, size_t cell, unsign
     for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++)
         if ((axes >> axis & 1) != 0) app_json_real(out, study_names[axis], study_value(table, cell, axis));
     for (size_t k = 0; k < MEASURES; k++) app_json_real(out, study_names[STUDY_MEASURES + k], figures[k]);
-    app_json_size(out, "runs", s->runs);
-    app_json_size(out, "failed", s->failed);
+    APP_PUT(out, LG_AS_WHOLE("runs", s->runs), LG_AS_WHOLE("failed", s->failed));
     app_json_close(out, '}');
 }
 
@@ -240,10 +239,9 @@ static void put_best(app_json *out, const char *name, const study_table *table, 
 void study_report(const app *self, const study_table *table, size_t fresh, double seconds) {
     const size_t integrators = table->count[AXIS_INTEGRATOR], substeps = table->count[AXIS_SUBSTEPS];
     app_json *out = self->out;
-    app_result_size(out, "planned", study_runs(table), "runs of the grid");
-    app_result_size(out, "done", table->rows, "runs of the table");
-    app_result_size(out, "new", fresh, NULL);
-    app_json_text(out, "protocol", table->protocol);
+    APP_PUT(out, APP_WHOLE("planned", study_runs(table), "runs of the grid"),
+            APP_WHOLE("done", table->rows, "runs of the table"), APP_WHOLE("new", fresh, NULL),
+            LG_AS_TEXT("protocol", table->protocol));
     app_result_line(out, "\nMedians over the repeats");
     app_result_rows(out, "medians");
     for (size_t i = 0; i < study_cells(table); i++) {
@@ -261,9 +259,8 @@ void study_report(const app *self, const study_table *table, size_t fresh, doubl
     app_result_rows_end(out);
     put_best(out, "best_without_noise", table, STUDY_WITHOUT);
     put_best(out, "best_with_noise", table, STUDY_WITH);
-    app_json_size(out, "threads", self->threads);
-    app_json_text(out, "out", table->path);
-    app_result_real(out, "seconds", seconds, NULL);
+    APP_PUT(out, LG_AS_WHOLE("threads", self->threads), LG_AS_TEXT("out", table->path),
+            APP_REAL("seconds", seconds, NULL));
 }
 
 /* ---- the plot ---- */

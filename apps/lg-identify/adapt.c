@@ -262,8 +262,8 @@ static void report(const app *self, const adapting *a) {
         APP_OBJECT(out, a->to.names[k], LG_AS_REAL("value", value_of(a, k, a->x[k])),
                    LG_AS_REAL("error", a->to.units[k] * a->error[k]), LG_AS_REAL("prior", a->to.units[k]));
     app_result_rows_end(out);
-    app_result_text(out, "errors", a->found.block > 0 ? "corrected for correlation" : "white", NULL);
-    app_result_size(out, "window", a->window, "rows of a window of the fit");
+    APP_PUT(out, APP_TEXT("errors", a->found.block > 0 ? "corrected for correlation" : "white", NULL),
+            APP_WHOLE("window", a->window, "rows of a window of the fit"));
     identify_put_start_rows(out, &a->given.model);
     app_result_text(out, "numbers", a->kept ? "kept" : "changed", NULL);
     app_result_named(out, "rest", "root mean square of the rest, free run");

@@ -51,8 +51,7 @@ static void put_errors(app_json *json, const double *errors, const char *suffix)
 
 static void put_horizon(app_json *json, const lg_horizon *h, const lg_horizon *linear) {
     app_json_open(json, NULL, '{');
-    app_json_real(json, "seconds", h->seconds);
-    app_json_size(json, "starts", h->starts);
+    APP_PUT(json, LG_AS_REAL("seconds", h->seconds), LG_AS_WHOLE("starts", h->starts));
     put_errors(json, h->pooled, "");
     put_errors(json, h->median, "_median");
     app_json_open(json, "unchanged", '{');
@@ -167,8 +166,8 @@ static void report(const app *self, const identify_given *given, const verdict *
         app_result_known(out, energy_names[k], v->energy[k], energy_words[k]);
     app_json_close(out, '}');
     if (values.relative) {
-        app_result_real(out, "relative", v->relative, NULL);
-        app_result_real(out, "relative_worst", v->relative_worst, NULL);
+        APP_PUT(out, APP_REAL("relative", v->relative, NULL),
+                APP_REAL("relative_worst", v->relative_worst, NULL));
     }
 }
 

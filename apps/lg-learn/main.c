@@ -124,16 +124,15 @@ static void follow(const app *self, const lg_model *model, double *start, app_js
         app_flow(self->context, model, lg_scheme_find("rkmk54"), tolerance, 0, start, t, points, y, &stats),
         NULL);
     write_trajectory(self, t, y, points, dim);
-    app_result_real(out, "t", t_end, NULL);
-    app_result_reals(out, "y", y + (points - 1) * dim, dim, "the state");
-    app_result_size(out, "steps", stats.steps, NULL);
+    APP_PUT(out, APP_REAL("t", t_end, NULL), APP_REALS("y", y + (points - 1) * dim, dim, "the state"),
+            APP_WHOLE("steps", stats.steps, NULL));
 }
 
 static void calculate(const lg_model *model, const double *x, app_json *out) {
     APP_FREE double *y = app_alloc(lg_model_outputs(model), sizeof *y);
     APP_FREE void *work = app_alloc(1, lg_model_work_size(model));
     lg_model_eval(model, x, y, work);
-    app_result_reals(out, "value", y, lg_model_outputs(model), NULL);
+    app_result_put(out, APP_REALS("value", y, lg_model_outputs(model), NULL));
 }
 
 /* Refuses options of a flow, which a model that does not move would ignore. */
