@@ -221,8 +221,7 @@ static void add_features_words(const classifier_job *j, text *to) {
         lg_text_add(to, "no principal components\n");
     for (uint32_t i = 0; i < j->d && j->d <= NAMED_FEATURES; i++) {
         char name[256];
-        const lg_series *names = j->file->names.channels == j->c->features.channels ? &j->file->names : NULL;
-        (void)lg_features_name(&j->c->features, names, i, name, sizeof name);
+        (void)lg_features_name(&j->c->features, &j->file->names, i, name, sizeof name);
         lg_text_add(to, "              %u: %s, mean %.6g, scale %.6g\n", i, name, pca->mean[i],
                     pca->scale[i]);
     }
@@ -272,20 +271,11 @@ static const char *const score_words[] = {
 
 static export_window window_of(const classifier_file *file) {
     const lg_classifier *c = &file->classifier;
-    const bool named = file->names.channels == c->features.channels;
-    return (export_window){.channels = c->features.channels,
-                           .length = c->features.length,
-                           .classes = c->classes,
-                           .healthy = file->run.healthy,
-                           .rate = file->names.rate,
-                           .class_name = file->names.class_name,
-                           .channel_name = named ? file->names.channel_name : NULL,
-                           .accuracy = file->accuracy,
-                           .f1 = file->f1,
-                           .scores = is_svm(c) || c->method == LG_METHOD_RIDGE ? "scores" : "probabilities",
-                           .score_words = score_words[!is_svm(c)        ? 0
-                                                      : c->classes == 2 ? 1
-                                                                        : 2]};
+    export_window out = {file->names, file->run.healthy, file->accuracy, file->f1, NULL, NULL};
+    out.names.length = c->features.length;
+    out.scores = is_svm(c) || c->method == LG_METHOD_RIDGE ? "scores" : "probabilities";
+    out.score_words = score_words[!is_svm(c) ? 0 : c->classes == 2 ? 1 : 2];
+    return out;
 }
 
 /* Makes the program and the derivative of its value, and prepares both for the golden vectors. */
