@@ -37,7 +37,10 @@ typedef lg_text text;
 
 enum { EXPORT_UNITS = 256 };
 
+/* The options of the command, and what follows from them and the model. */
 typedef struct export_options {
+    const char *out, *scheme_name; /* As they were given. */
+    int target;
     const char *name;            /* A C identifier. */
     const char *file;            /* Name of the model's file, without its folder. */
     char sha256[LG_SHA256_TEXT]; /* SHA-256 of the model's file; "" if unknown. */
