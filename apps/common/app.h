@@ -234,7 +234,8 @@ void app_must_file(const app *app, lg_status status, const lg_error *error, cons
         lg_error error = {LG_OK, ""};                                                                        \
         app_must_file(app, call, &error, path);                                                              \
     } while (0)
-/* APP_MUST_FILE of function(context, path, ..., &error). */
+/* APP_MUST of function(context, ..., &error), and APP_MUST_FILE of function(context, path, ..., &error). */
+#define APP_DO(app, function, ...) APP_MUST(app, function((app)->context, __VA_ARGS__, &error))
 #define APP_FILE(app, path, function, ...)                                                                   \
     APP_MUST_FILE(app, path, function((app)->context, path, __VA_ARGS__, &error))
 /* A local variable that is freed, or destroyed, at the end of its scope:
@@ -311,7 +312,6 @@ void app_result_end(const app *app);
 void app_json_put(app_json *json, lg_result value);
 #define app_json_real(json, key, value)          app_json_put(json, LG_AS_REAL(key, value))
 #define app_json_size(json, key, value)          app_json_put(json, LG_AS_WHOLE(key, value))
-#define app_json_bool(json, key, value)          app_json_put(json, LG_AS_FLAG(key, value))
 #define app_json_text(json, key, value)          app_json_put(json, LG_AS_TEXT(key, value))
 #define app_json_reals(json, key, values, count) app_json_put(json, LG_AS_REALS(key, values, count))
 /* Entries of which people see a line with the key, the value and `words` (NULL: no words). */

@@ -3,7 +3,6 @@
 
 #include <math.h>
 #include <pthread.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -99,7 +98,7 @@ void app_json_field(app_json *json, const lg_field *row, const void *run) {
     } else if (type == LG_FIELD_U64 || type == LG_FIELD_U32) {
         app_json_size(json, key, lg_field_whole(row, run));
     } else if (type == LG_FIELD_FLAG) {
-        app_json_bool(json, key, lg_field_whole(row, run) != 0);
+        app_json_put(json, LG_AS_FLAG(key, lg_field_whole(row, run) != 0));
     } else if (type == LG_FIELD_WHOLES || type == LG_FIELD_REALS) {
         app_json_reals(json, key, list, lg_field_list(row, run, list));
     } else {

@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "nn/search.h"
 #include "settings/settings.h"
 
 enum { SHOWN_TRIALS = 10, MOST_CHECKED = 10000 };
@@ -243,11 +242,10 @@ static lg_status run_fit(search_trial *self, lg_error *error) {
     lg_fit_options options = train_fit_options(self->train, train_training(task));
     options.on_epoch = on_epoch;
     options.user = self;
-    lg_status status = train_create(task, &options, error);
-    if (status != LG_OK) return status;
+    LG_TRY(train_create(task, &options, error));
     lg_fit *fit = task->training.fit;
     self->trial->parameters = lg_recipe_parameters(task->recipe, task->training.run);
-    status = lg_fit_run(fit, error);
+    const lg_status status = lg_fit_run(fit, error);
     self->trial->epochs = lg_fit_epochs_done(fit);
     if (status == LG_OK) (void)find_objective(self);
     if (self->failure.status != LG_OK) {

@@ -171,15 +171,13 @@ static lg_fit *fit_of(const train_session *self) {
 static lg_status write_checkpoint(const train_session *self, const char *path, lg_error *error) {
     const train_task *task = self->task;
     const lg_provenance provenance = app_provenance(self->app, train_training(task)->seed);
-    lg_file_writer *writer = NULL;
+    APP_CLEAN(lg_file_writer_destroy_at) lg_file_writer *writer = NULL;
     lg_archive_writer archive;
-    lg_status status = lg_checkpoint_create(self->app->context, path, task->recipe, task->settings[0].values,
-                                            &provenance, &writer, error);
-    if (status == LG_OK) status = lg_file_writer_archive(writer, "fit", &archive);
-    if (status == LG_OK) status = lg_fit_save(fit_of(self), &archive, error);
-    if (status == LG_OK) status = lg_file_writer_commit(writer, error);
-    lg_file_writer_destroy(writer);
-    return status;
+    LG_TRY(lg_checkpoint_create(self->app->context, path, task->recipe, task->settings[0].values, &provenance,
+                                &writer, error));
+    LG_TRY(lg_file_writer_archive(writer, "fit", &archive));
+    LG_TRY(lg_fit_save(fit_of(self), &archive, error));
+    return lg_file_writer_commit(writer, error);
 }
 
 /* Saves the state; false, with a warning, if it cannot be written. */

@@ -72,7 +72,7 @@ static void choose_part(evaluation *e) {
         if (same && values.part == PART_AUTO)
             app_warn(e->app, "%s was trained on %s without a test part: these are training errors", model,
                      e->path);
-        APP_MUST(e->app, lg_window_part(e->app->context, &e->from, NULL, LG_PART_NONE, &e->part, &error));
+        APP_DO(e->app, lg_window_part, &e->from, NULL, LG_PART_NONE, &e->part);
         return;
     }
     if (!same)

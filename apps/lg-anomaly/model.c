@@ -1,6 +1,5 @@
 /* Networks and classical models: reading them, and the scores of windows. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "lg-anomaly/anomaly.h"
@@ -47,8 +46,7 @@ void well_model_settle(const app *self, well_model *model, const char *given, co
     if (model->healthy != LG_NO_CLASS) return;
     if (given[0] != '\0')
         (void)snprintf(model->file.run.healthy, sizeof model->file.run.healthy, "%s", given);
-    APP_MUST(self,
-             lg_find_healthy(self->context, &names, data, model->file.run.healthy, &model->healthy, &error));
+    APP_DO(self, lg_find_healthy, &names, data, model->file.run.healthy, &model->healthy);
 }
 
 void well_model_need_healthy(const app *self, const well_model *model, const char *what) {

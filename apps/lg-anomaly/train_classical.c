@@ -2,7 +2,6 @@
  * of the healthy class look like, and nothing else. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "lg-anomaly/train.h"
 
@@ -182,11 +181,10 @@ static void choose(classical *self) {
     if (chosen->count == 1) return;
     chosen->accuracy = app_keep(chosen->count, sizeof *chosen->accuracy);
     const double begin = app_seconds();
-    APP_MUST(self->app, lg_classifier_search(
-                            self->app->context, chosen->options, chosen->count, (uint32_t)train_given.folds,
-                            self->table, self->label, self->unit, state->train.list, state->train.count,
-                            self->model.file.classifier.features.count, self->model.file.names.classes,
-                            (int)self->app->threads, chosen->accuracy, &chosen->best, &error));
+    APP_DO(self->app, lg_classifier_search, chosen->options, chosen->count, (uint32_t)train_given.folds,
+           self->table, self->label, self->unit, state->train.list, state->train.count,
+           self->model.file.classifier.features.count, self->model.file.names.classes,
+           (int)self->app->threads, chosen->accuracy, &chosen->best);
     chosen->seconds = app_seconds() - begin;
 }
 
@@ -244,7 +242,7 @@ static void judge_part(const classical *self, const lg_cut_series *from, const l
     if (table != NULL)
         APP_MUST(program, judge_rows(program, &self->model, from, part, table, out, &error));
     else
-        APP_MUST(program, lg_judge(program->context, &by, from, part, program->threads, out, &error));
+        APP_DO(program, lg_judge, &by, from, part, program->threads, out);
 }
 
 /* ---- accuracy of pruned trees against alpha ---- */
@@ -424,9 +422,8 @@ static void train_novelty(classical *self) {
     const double begin = app_seconds();
     lg_novelty_options_init(&options);
     options.margin = MARGIN;
-    APP_MUST(self->app,
-             lg_novelty_fit(self->app->context, &options, &all->data.series, &all->windows, train->list,
-                            train->count, (int)self->app->threads, &self->model.file.novelty, &error));
+    APP_DO(self->app, lg_novelty_fit, &options, &all->data.series, &all->windows, train->list, train->count,
+           (int)self->app->threads, &self->model.file.novelty);
     network_recipe.training.seconds = app_seconds() - begin;
 }
 

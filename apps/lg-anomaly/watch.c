@@ -74,8 +74,7 @@ static bool is_unlike(const bench *b, uint32_t missing) {
 
 static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *answer, double *score) {
     bench *b = user;
-    const lg_status status = well_model_score(b->model, x, b->score, NULL, b->work);
-    if (status != LG_OK) return status;
+    LG_TRY(well_model_score(b->model, x, b->score, NULL, b->work));
     b->given = lg_metrics_class(b->score, b->names->classes);
     *score = well_model_alarm(b->model, b->score);
     *answer = b->given != b->model->healthy ? LG_ANSWER_POSITIVE : LG_ANSWER_NEGATIVE;
@@ -335,10 +334,9 @@ static void print_summary(const watching *self, double seconds, size_t watch_byt
             APP_WHOLE("repeated", t->repeated, NULL), APP_REAL("days", days, NULL),
             APP_WHOLE("windows", t->windows, NULL), APP_WHOLE("judged", t->judged, NULL),
             APP_WHOLE("positive", t->positive, NULL), LG_AS_WHOLE("failed", t->failed));
-    if (isfinite(self->bench.farthest) || !out->people) {
+    if (isfinite(self->bench.farthest) || !out->people)
         APP_PUT(out, APP_WHOLE("unlike", t->unlike, NULL),
                 APP_WHOLE("unlike_alarms", t->unlike_alarms, self->unlike ? "standing" : NULL));
-    }
     APP_PUT(out, LG_AS_REAL("first_unlike", t->first_unlike), LG_AS_FLAG("alarm", self->alarm),
             APP_WHOLE("alarms", t->alarms, self->alarm ? "standing" : NULL),
             LG_AS_REAL("first_alarm", t->first_alarm));

@@ -234,7 +234,7 @@ lg_policy *control_read_policy(const app *self, const char *path, const double *
         task.gain_count = (uint32_t)count;
         memcpy(task.gains, gains, count * sizeof *gains);
     }
-    APP_MUST(self, lg_policy_create(self->context, &task, plant, self->seed, &policy, &error));
+    APP_DO(self, lg_policy_create, &task, plant, self->seed, &policy);
     if (lg_policy_parameters(policy) > 0)
         app_warn(self, "%s is a task: its controller of kind %s is not trained", path,
                  lg_policy_kind_name(task.kind));
@@ -402,7 +402,7 @@ static void prove_energy(app *self, lg_policy *policy, naming names) {
     lg_certify_energy_spec_init(&spec);
     spec.program = lg_policy_program(policy), spec.slope = "slope";
     spec.damping = loop.damping, spec.gain = loop.gain, spec.saturated = loop.saturated;
-    APP_MUST(self, lg_certify_energy(self->context, &spec, &r, &error));
+    APP_DO(self, lg_certify_energy, &spec, &r);
     verdict v = {.r = {.verified = r.verified,
                        .boxes = r.boxes,
                        .claim = r.claim,
@@ -618,7 +618,7 @@ static lg_certify *begin_proof(const app *self, const lg_program *program, doubl
     spec->most = quadratic ? 0.98 : 0; /* the proposal has the level 1: more boxes would gain little */
     spec->low = what->low, spec->high = what->high, spec->model_error = what->error;
     spec->threads = (int)self->threads;
-    APP_MUST(self, lg_certify_create(self->context, spec, &certify, &error));
+    APP_DO(self, lg_certify_create, spec, &certify);
     return certify;
 }
 
@@ -635,7 +635,7 @@ static void write_certificate(const app *self, naming names, lg_certify_spec *sp
         spec->control = "input_by_state";
         spec->period = 0;
     }
-    APP_MUST(self, lg_certificate_make(self->context, spec, proved, INFINITY, &file, &error));
+    APP_DO(self, lg_certificate_make, spec, proved, INFINITY, &file);
     for (size_t i = 0; i < file.states; i++) copy_name(file.names[i], name_of(names, i));
     APP_FREE char *plant =
         is_task(self->arguments[0]) ? control_plant_path(self, own) : app_format("%s", own);

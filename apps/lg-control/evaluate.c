@@ -34,9 +34,8 @@ static void warn_of_other_lag(const app *self, const lg_policy *policy, const lg
     const uint32_t n = control_count_lagged(lg_policy_task_of(policy), false);
     for (uint32_t l = 0; l < LG_POLICY_INPUTS; l++) u[l] = 1;
     for (int i = 0; i < 2 && n > 0; i++)
-        APP_MUST(self,
-                 lg_program_eval(self->context, i == 0 ? lg_policy_program(policy) : plant, "lag", 1,
-                                 (const double *const[]){none, u, &h}, (double *const[]){a[i]}, &error));
+        APP_DO(self, lg_program_eval, i == 0 ? lg_policy_program(policy) : plant, "lag", 1,
+               (const double *const[]){none, u, &h}, (double *const[]){a[i]});
     if (memcmp(a[0], a[1], n * sizeof **a) != 0)
         app_warn(
             self,

@@ -191,8 +191,7 @@ static lg_program *load_machine(const app *self, const char *path, const control
     if (lagged) name_lagged(self, path, &m->machine, task);
     for (uint32_t l = 0; l < m->machine.input_count && l < LG_POLICY_INPUTS; l++)
         task->dead_time[l] = m->delay[l] * (m->row > 0 ? m->row : task->period);
-    APP_MUST(self, lg_machine_program(self->context, &m->machine, m->model.theta, m->scheme, lagged, &program,
-                                      &error));
+    APP_DO(self, lg_machine_program, &m->machine, m->model.theta, m->scheme, lagged, &program);
     return program;
 }
 
@@ -259,7 +258,7 @@ static void draw_plants(const app *self, const char *path, double spread, size_t
     lg_rng_seed(&rng, self->seed, 1);
     for (size_t k = 0; k < draws; k++) {
         draw_theta(model, spread, slope, &rng, theta);
-        APP_MUST(self, lg_machine_program(self->context, machine, theta, m.scheme, true, &out[k], &error));
+        APP_DO(self, lg_machine_program, machine, theta, m.scheme, true, &out[k]);
     }
 }
 
@@ -279,8 +278,8 @@ static void find_rates(const app *self, lg_policy *policy, bool held, const doub
                        double *out) {
     lg_program *program = NULL;
     APP_MUST(self, lg_policy_add_rate(policy, &program, &error));
-    APP_MUST(self, lg_program_eval(self->context, program, held ? "advance_by_input" : "rate_by_input",
-                                   PLACES, (const double *const[]){z, u}, (double *const[]){out}, &error));
+    APP_DO(self, lg_program_eval, program, held ? "advance_by_input" : "rate_by_input", PLACES,
+           (const double *const[]){z, u}, (double *const[]){out});
 }
 
 void control_draw_error(const app *self, lg_policy *policy, const char *plant, bool held, const double *high,

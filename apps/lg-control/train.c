@@ -54,25 +54,21 @@ static void save_state(const app *self, const lg_policy_trainer *trainer) {
     lg_archive_writer archive;
     const lg_provenance provenance = app_provenance(self, self->seed);
     APP_FILE(self, path, lg_file_writer_create, "policy-checkpoint", &provenance, &writer);
-    lg_status status = lg_file_writer_archive(writer, "training", &archive);
-    lg_error error = {LG_OK, ""};
-    if (status == LG_OK) status = lg_policy_trainer_save(trainer, &archive, &error);
-    if (status == LG_OK) status = lg_file_writer_commit(writer, &error);
+    APP_MUST_FILE(self, path, lg_file_writer_archive(writer, "training", &archive));
+    APP_MUST_FILE(self, path, lg_policy_trainer_save(trainer, &archive, &error));
+    APP_MUST_FILE(self, path, lg_file_writer_commit(writer, &error));
     lg_file_writer_destroy(writer);
-    app_must_file(self, status, &error, path);
     app_note(self, "stopped; the best policy so far is in %s; continue with --resume %s", values.out, path);
 }
 
 static void load_state(const app *self, lg_policy_trainer *trainer) {
     lg_file_reader *reader = NULL;
     lg_archive_reader archive;
-    lg_error error = {LG_OK, ""};
-    lg_status status =
-        lg_file_reader_create(self->context, values.resume, "policy-checkpoint", NULL, &reader, &error);
-    if (status == LG_OK) status = lg_file_reader_archive(reader, "training", &archive);
-    if (status == LG_OK) status = lg_policy_trainer_load(trainer, &archive, &error);
+    const char *path = values.resume;
+    APP_FILE(self, path, lg_file_reader_create, "policy-checkpoint", NULL, &reader);
+    APP_MUST_FILE(self, path, lg_file_reader_archive(reader, "training", &archive));
+    APP_MUST_FILE(self, path, lg_policy_trainer_load(trainer, &archive, &error));
     lg_file_reader_destroy(reader);
-    app_must_file(self, status, &error, values.resume);
 }
 
 /* ---- the command ---- */
@@ -221,7 +217,7 @@ static void run(app *self) {
     const lg_policy_train_options settings = read_options(self);
     check_checkpoint(self);
     lg_program *plant = control_read_task(self, self->arguments[0], &task, &text, &source, &machine);
-    APP_MUST(self, lg_policy_create(self->context, &task, plant, self->seed, &policy, &error));
+    APP_DO(self, lg_policy_create, &task, plant, self->seed, &policy);
     warn(self, policy);
     control_add_draws(self, policy, source);
     APP_MUST(self, lg_policy_trainer_create(policy, &settings, &trainer, &error));

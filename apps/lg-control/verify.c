@@ -1,5 +1,4 @@
 /* lg-control verify: proves a certificate again. */
-#include <stdint.h>
 #include <string.h>
 
 #include "core/core.h"

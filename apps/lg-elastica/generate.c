@@ -74,7 +74,7 @@ static void run(app *self) {
     sampling.threads = (int)self->threads;
     sampling.problem = beam_problem(self);
     const double begin = app_seconds();
-    APP_MUST(self, lg_elastica_generate(self->context, &sampling, &data.curves, &error));
+    APP_DO(self, lg_elastica_generate, &sampling, &data.curves);
     const double seconds = app_seconds() - begin;
     data.provenance = app_provenance(self, self->seed);
     APP_FILE(self, values.out, lg_elastica_data_write, &data);

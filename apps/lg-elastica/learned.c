@@ -28,8 +28,7 @@ static lg_elastica beam_of_model(const lg_surrogate_file *file, bool *known) {
 static lg_surrogate_curves *open_network(const app *self, const lg_surrogate_file *file, size_t points,
                                          void **work) {
     lg_surrogate_curves *curves;
-    APP_MUST(self, lg_surrogate_curves_create(self->context, &file->run.model, file->theta, LG_F64, points,
-                                              &curves, &error));
+    APP_DO(self, lg_surrogate_curves_create, &file->run.model, file->theta, LG_F64, points, &curves);
     *work = app_keep(lg_surrogate_curves_work_size(curves), 1);
     return curves;
 }
@@ -223,13 +222,12 @@ static void report_curve(const app *self, const prediction *p) {
             APP_REAL("off_family", p->beyond.off, "from the family of boundary conditions trained on"),
             APP_REAL("spread", p->beyond.spread, "largest such distance among these"),
             LG_AS_FLAG("inside", p->beyond.count == 0), APP_REAL("seconds", p->seconds, NULL));
-    if (predict_given.solve) {
+    if (predict_given.solve)
         APP_PUT(out, APP_REAL("max_error", p->max_error, "largest difference at the nodes"),
                 APP_REAL("mse", p->mse, NULL),
                 APP_REAL("energy", p->stiff ? p->truth.solution.energy : NAN, NULL),
                 APP_REAL("rotation", p->truth.problem.rotation, NULL),
                 APP_REAL("solve_seconds", p->solve_seconds, NULL));
-    }
     APP_PUT(out, LG_AS_TEXT("network", lg_surrogate_kind_name(p->file.run.model.options.kind)),
             LG_AS_TEXT("out", predict_given.out));
 }

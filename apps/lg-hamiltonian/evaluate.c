@@ -34,10 +34,9 @@ static void report(const app *self, const lg_trajectories *test, const verdict *
                      test->hamiltonian == NULL
                          ? "the file of the test trajectories has no /hamiltonian"
                          : "mean deviation of the Hamiltonian from the true one, up to a constant"));
-    if (values.relative) {
+    if (values.relative)
         APP_PUT(out, APP_REAL("relative", result->relative, "geometric mean of |z - z'|/|z + z'| + 1e-8"),
                 APP_REAL("relative_worst", result->relative_worst, "the same of the worst trajectory"));
-    }
     APP_PUT(out, APP_WHOLE("trajectories", test->count, NULL),
             APP_WHOLE("points", test->points, "of each trajectory"),
             APP_REAL("t_end", test->t[test->points - 1] - test->t[0], NULL), LG_AS_FLAG("recorded", recorded),
@@ -96,8 +95,7 @@ static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_traject
     const double tolerance = flow_given.tolerance > 0 ? flow_given.tolerance : default_tolerance(model);
     const double begin = app_seconds();
     APP_FREE double *predicted = app_alloc(test->count * test->points * test->state_dim, sizeof *predicted);
-    APP_MUST(self, judge(self->context, self->threads, model, file->theta, test, tolerance, predicted,
-                         &result, &error));
+    APP_DO(self, judge, self->threads, model, file->theta, test, tolerance, predicted, &result);
     if (values.relative) APP_MUST(self, judge_relative(test, predicted, &result, &error));
     app_plot_draw(self, 0,
                   &(drawn_flow){"Trajectories of the test set, true and predicted", model, test->t,
@@ -121,9 +119,8 @@ static void check_record(const app *self) {
     if (!values.record) return;
     if (app_same_file(path, self->arguments[1]))
         app_stop_usage(self, "--record: %s is both the model and the test data", path);
-    char *real = realpath(path, NULL);
+    APP_FREE char *real = realpath(path, NULL);
     APP_MUST_FILE(self, path, app_check_writable(real != NULL ? real : path, &error));
-    free(real);
     if (access(path, W_OK) != 0) app_stop(self, LG_FILE, "%s: %s", path, strerror(errno));
     APP_MUST_FILE(self, path, app_claim(self, path, &error));
     app_continue(path);

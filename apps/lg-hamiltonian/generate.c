@@ -4,8 +4,6 @@
 #include "common/trials.h"
 #include "core/clean.h"
 
-#include <stdio.h>
-
 typedef struct generate_values {
     const char *out;
     uint64_t trajectories, points, segments;

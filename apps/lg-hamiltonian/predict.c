@@ -98,7 +98,7 @@ static void integrate(const app *self, prediction *p) {
     const double tolerance = flow_given.tolerance > 0 ? flow_given.tolerance : default_tolerance(model);
     const double begin = app_seconds();
     lg_model *learned;
-    APP_MUST(self, lg_hamiltonian_learned(self->context, model, p->file->theta, &learned, &error));
+    APP_DO(self, lg_hamiltonian_learned, model, p->file->theta, &learned);
     const lg_status flown = app_flow(self->context, learned, lg_scheme_find(model->family->accurate),
                                      tolerance, 0, p->start, p->y.t, points, p->y.data, &p->stats);
     if (flown != LG_OK) app_stop(self, flown, "the learned flow: %s", lg_status_sentence(flown));

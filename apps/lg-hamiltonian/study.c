@@ -1,5 +1,4 @@
 /* lg-hamiltonian study: a resumable grid of trainings. */
-#include "common/train.h"
 #include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/study.h"
 

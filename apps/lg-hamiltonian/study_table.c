@@ -196,14 +196,10 @@ enum { BEST = 5, INTEGRATORS = 1u << AXIS_INTEGRATOR | 1u << AXIS_SUBSTEPS };
 #define COMBINATION (STUDY_CELL & ~(1u << AXIS_EPS))
 
 typedef struct combination {
+    double e1; /* first: it sorts the combinations */
     size_t cell;
     study_summary summary;
 } combination;
-
-static int by_e1(const void *a, const void *b) {
-    return lg_compare_doubles(&((const combination *)a)->summary.geometric[STUDY_E1],
-                              &((const combination *)b)->summary.geometric[STUDY_E1]);
-}
 
 /* Writes a table row: the values on the given axes, the figures, and the numbers of runs and failed runs. */
 static void put_row(app_json *out, const study_table *table, size_t cell, unsigned axes,
@@ -224,9 +220,9 @@ static void put_best(app_json *out, const char *name, const study_table *table, 
     size_t n = 0;
     for (size_t i = 0; i < all; i++) {
         const study_summary s = study_summarise(table, i, COMBINATION, noise);
-        if (s.runs > s.failed) list[n++] = (combination){i, s};
+        if (s.runs > s.failed) list[n++] = (combination){s.geometric[STUDY_E1], i, s};
     }
-    qsort(list, n, sizeof *list, by_e1);
+    qsort(list, n, sizeof *list, lg_compare_doubles);
     if (n > 0)
         app_result_line(out, "\nBest combinations %s noise (geometric means)",
                         noise == STUDY_WITH ? "with" : "without");

@@ -299,8 +299,7 @@ static void run(app *self) {
             self->arguments[0]);
     divide(self, &a);
     find_forces(self, &a, force);
-    APP_MUST(self, lg_adaptation_create(self->context, self->arguments[0], &a.given.file, values.numbers,
-                                        force, &a.to, &error));
+    APP_DO(self, lg_adaptation_create, self->arguments[0], &a.given.file, values.numbers, force, &a.to);
     fit_windows(self, &a);
     a.kept = !has_changed(&a);
     for (size_t k = 0; k < a.to.count && a.kept; k++) a.x[k] = 0;

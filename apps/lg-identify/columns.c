@@ -2,7 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "files/csv.h"
 #include "lg-identify/identify.h"
 
 bool identify_is_state(const lg_log_column *column) {

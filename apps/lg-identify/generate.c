@@ -2,7 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/text.h"
 #include "files/frame.h"
 #include "lg-identify/identify.h"
 #include "liegrad/geometry.h"

@@ -70,8 +70,8 @@ size_t identify_first_run(const lg_logs *logs) {
 
 void identify_run(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                   const size_t *start, size_t count, size_t steps, double *q, double *v) {
-    APP_MUST(self, lg_machine_free_run(self->context, model->machine, model->theta, model->scheme,
-                                       model->substeps, log, start, count, steps, q, v, &error));
+    APP_DO(self, lg_machine_free_run, model->machine, model->theta, model->scheme, model->substeps, log,
+           start, count, steps, q, v);
 }
 
 identify_runs identify_runs_begin(const lg_learned_machine *model, const lg_machine_log *log, size_t from) {

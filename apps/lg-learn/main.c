@@ -1,11 +1,9 @@
 /* lg-learn: models of any recipe. Only the table of recipes knows which recipes exist. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "common/verbs.h"
 #include "files/csv.h"
-#include "nn/search.h"
 
 /* ---- the recipe and its options ---- */
 

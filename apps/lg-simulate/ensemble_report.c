@@ -72,11 +72,10 @@ static void report_ensemble(app_json *out, const result *what, const lg_ensemble
             APP_WHOLE("members", what->members, "of this run, from the first on"),
             LG_AS_WHOLE("block", what->block), APP_WHOLE("steps", what->steps, "of all members"),
             APP_WHOLE("rejected", what->rejected, NULL));
-    if (stats != NULL) {
+    if (stats != NULL)
         APP_PUT(out, APP_WHOLE("lanes", stats->lanes, "1: one member at a time"),
                 APP_REAL("occupancy", stats->occupancy, "part of the lanes in use"),
                 APP_REAL("seconds", stats->seconds, NULL));
-    }
     put_failures(out, what);
     if (what->members == 0)
         app_result_line(out,

@@ -81,7 +81,6 @@ void report_run(const report *what) {
             LG_AS_REAL("max_angle", what->run->stats.max_angle));
     if (sim->scene.projected) app_json_real(out, "projection", sim->scene.projection);
     if (what->slope != NULL) put_gradient(out, what);
-    if (sim->values->out != NULL) {
+    if (sim->values->out != NULL)
         APP_PUT(out, APP_TEXT("out", sim->values->out, NULL), APP_WHOLE("points", what->path->kept, NULL));
-    }
 }

@@ -296,8 +296,7 @@ lg_status vary_draw(void *user, uint64_t member, double *y0, double *parameters)
         starts.starts = sim->scene.starts;
         starts.low = sim->scene.low;
         starts.high = sim->scene.high;
-        const lg_status status = lg_system_draw_start(sim->system, &starts, &rng, y0);
-        if (status != LG_OK) return status;
+        LG_TRY(lg_system_draw_start(sim->system, &starts, &rng, y0));
     }
     for (size_t i = 0; i < self->count; i++) {
         const vary_item *item = &self->items[i];
