@@ -221,14 +221,13 @@ static lg_status measure_condition(export_model *m, lg_error *error) {
 /* ---- the export ---- */
 
 static void write_model(export_model *m) {
-    lg_error error = {LG_OK, ""};
     add_code(m);
     const lg_status status = add_golden(m);
     if (status != LG_OK)
         app_stop(m->self, status == LG_NOT_FINITE ? LG_FILE : status,
                  "%s: golden vectors of its field and step: %s", m->source->options->file,
                  lg_status_sentence(status));
-    app_must_file(m->self, measure_condition(m, &error), &error, m->source->options->file);
+    EXPORT_MUST(m, measure_condition(m, &error));
     m->kind->tell(m);
     export_warn_delay(m->self, m->source);
 }

@@ -3,7 +3,6 @@
 #include <math.h>
 
 #include "lg-export/faces.h"
-#include "liegrad/series.h"
 
 /* ---- code ---- */
 
