@@ -1,7 +1,6 @@
 /* The executable `liegrad`, which has all programs but lg-bench and lg-gradcheck. The programs' names are
  * links to it. The name by which it is started chooses the program; if that is no program's name, the first
  * argument does (`liegrad lg-fit ...`). */
-#include <stdio.h>
 #include <string.h>
 
 #include "common/app.h"

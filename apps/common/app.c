@@ -4,15 +4,12 @@
 #include <argp.h>
 #include <fcntl.h>
 #include <signal.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
 #include "files/temporary.h"
-#include "liegrad/files.h"
-#include "liegrad/settings.h"
 #include "model/files/training.h"
 
 enum { KEY_HELP_ALL = 0x800, KEY_COMMON = 0x1000, KEY_COMMAND = 0x2000, KEY_SWITCH = 0x3000 };

@@ -234,6 +234,10 @@ void app_must_file(const app *app, lg_status status, const lg_error *error, cons
         lg_error error = {LG_OK, ""};                                                                        \
         app_must_file(app, call, &error, path);                                                              \
     } while (0)
+/* APP_MUST of function(context, ..., &error), and APP_MUST_FILE of function(context, path, ..., &error). */
+#define APP_DO(app, function, ...) APP_MUST(app, function((app)->context, __VA_ARGS__, &error))
+#define APP_FILE(app, path, function, ...)                                                                   \
+    APP_MUST_FILE(app, path, function((app)->context, path, __VA_ARGS__, &error))
 /* A local variable that is freed, or destroyed, at the end of its scope:
  *   APP_FREE double *theta = app_alloc(n, sizeof *theta);
  *   APP_CLEAN(lg_trajectories_destroy) lg_trajectories test = {0}; */
@@ -308,10 +312,17 @@ void app_result_end(const app *app);
 void app_json_put(app_json *json, lg_result value);
 #define app_json_real(json, key, value)          app_json_put(json, LG_AS_REAL(key, value))
 #define app_json_size(json, key, value)          app_json_put(json, LG_AS_WHOLE(key, value))
-#define app_json_bool(json, key, value)          app_json_put(json, LG_AS_FLAG(key, value))
 #define app_json_text(json, key, value)          app_json_put(json, LG_AS_TEXT(key, value))
 #define app_json_reals(json, key, values, count) app_json_put(json, LG_AS_REALS(key, values, count))
-/* Puts entries, each made by LG_AS_REAL and the like; of APP_OBJECT they are the members of an object. */
+/* Entries of which people see a line with the key, the value and `words` (NULL: no words). */
+#define APP_SHOWN(key, type_, words, ...)                                                                    \
+    ((lg_result){.name = (key), .type = LG_FIELD_##type_, .label = (words), .shown = true, __VA_ARGS__})
+#define APP_REAL(key, value, words)          APP_SHOWN(key, REAL, words, .real = (value))
+#define APP_WHOLE(key, value, words)         APP_SHOWN(key, U64, words, .whole = (value))
+#define APP_TEXT(key, value, words)          APP_SHOWN(key, STRING, words, .text = (value))
+#define APP_REALS(key, values, count, words) APP_SHOWN(key, REALS, words, .reals = (values), .whole = (count))
+/* Puts entries, each made by these or by LG_AS_REAL and the like; of APP_OBJECT they are the members of an
+ * object. */
 #define APP_PUT(json, ...)         app_json_list(json, LG_RESULTS(__VA_ARGS__))
 #define APP_OBJECT(json, key, ...) app_json_object(json, key, LG_RESULTS(__VA_ARGS__))
 void app_json_list(app_json *json, const lg_result *members);
@@ -322,11 +333,10 @@ void app_json_field(app_json *json, const lg_field *row, const void *values);
 /* '{' or '['; key is NULL inside an array */
 void app_json_open(app_json *json, const char *key, char bracket);
 void app_json_close(app_json *json, char bracket); /* '}' or ']' */
-void app_result_put(app_json *json, lg_result value, const char *label);
-#define app_result_real(json, key, value, label) app_result_put(json, LG_AS_REAL(key, value), label)
-#define app_result_size(json, key, value, label) app_result_put(json, LG_AS_WHOLE(key, value), label)
-#define app_result_text(json, key, value, label) app_result_put(json, LG_AS_TEXT(key, value), label)
-void app_result_reals(app_json *json, const char *key, const double *values, size_t count, const char *label);
+void app_result_put(app_json *json, lg_result value);
+#define app_result_real(json, key, value, label) app_result_put(json, APP_REAL(key, value, label))
+#define app_result_size(json, key, value, label) app_result_put(json, APP_WHOLE(key, value, label))
+#define app_result_text(json, key, value, label) app_result_put(json, APP_TEXT(key, value, label))
 /* As app_result_real; people see the number only if it is finite. */
 void app_result_known(app_json *json, const char *key, double value, const char *label);
 /* A line that is printed for people only. */

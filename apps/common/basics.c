@@ -1,13 +1,11 @@
 /* Errors, memory, numbers, clocks and threads. */
 #include "common/app.h"
 
-#include <stdarg.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/core.h"
-#include "liegrad/settings.h"
 
 /* The only table that maps statuses to exit codes. */
 static const int exit_codes[] = {[LG_OK] = APP_EXIT_OK,

@@ -1,8 +1,6 @@
 /* Classifiers as a kind of model: a recipe without parameters and functions. */
 #include "common/classifier_file.h"
 
-#include <string.h>
-
 #include "anomaly/files/recipe.h"
 #include "core/stored.h"
 

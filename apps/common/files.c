@@ -10,9 +10,7 @@
 #include "files/csv.h"
 #include "files/read_file.h"
 #include "files/temporary.h"
-#include "liegrad/files.h"
 #include "liegrad/model.h"
-#include "liegrad/settings.h"
 
 FILE *app_open(const char *path) {
     struct stat about;

@@ -3,7 +3,6 @@
 
 #include <math.h>
 #include <pthread.h>
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -79,7 +78,7 @@ void app_json_put(app_json *json, lg_result value) {
 }
 
 void app_json_list(app_json *json, const lg_result *members) {
-    for (; members->name != NULL; members++) app_json_put(json, *members);
+    for (; members->name != NULL; members++) (members->shown ? app_result_put : app_json_put)(json, *members);
 }
 
 void app_json_object(app_json *json, const char *key, const lg_result *members) {
@@ -99,7 +98,7 @@ void app_json_field(app_json *json, const lg_field *row, const void *run) {
     } else if (type == LG_FIELD_U64 || type == LG_FIELD_U32) {
         app_json_size(json, key, lg_field_whole(row, run));
     } else if (type == LG_FIELD_FLAG) {
-        app_json_bool(json, key, lg_field_whole(row, run) != 0);
+        app_json_put(json, LG_AS_FLAG(key, lg_field_whole(row, run) != 0));
     } else if (type == LG_FIELD_WHOLES || type == LG_FIELD_REALS) {
         app_json_reals(json, key, list, lg_field_list(row, run, list));
     } else {
@@ -189,30 +188,27 @@ static void put_confusion(app_json *json, const lg_result *matrix) {
     app_result_rows_end(json);
 }
 
-void app_result_put(app_json *json, lg_result value, const char *label) {
+void app_result_put(app_json *json, lg_result value) {
     char text[LG_SHORTEST];
-    const char *line = shown(&value, "unknown", text);
+    const char *line = shown(&value, "unknown", text), *label = value.label;
     if (value.counts != NULL) {
         put_confusion(json, &value);
         return;
     }
     app_json_put(json, value);
-    if (line != NULL && json->people && !json->tabled)
-        app_put(json->stream, "%s%-20s  %14s%s%s\n", json->prefix, value.name, line,
-                label != NULL ? "  " : "", label != NULL ? label : "");
+    const bool list = value.shown && value.type == LG_FIELD_REALS;
+    if (!json->people || json->tabled || (line == NULL && !list)) return;
+    if (list)
+        app_put(json->stream, "%-20s  ", value.name);
+    else
+        app_put(json->stream, "%s%-20s  %14s", json->prefix, value.name, line);
+    for (uint64_t i = 0; list && i < value.whole; i++)
+        (void)fprintf(json->stream, "%s%.10g", i > 0 ? ", " : "", value.reals[i]);
+    app_put(json->stream, "%s%s\n", label != NULL ? "  " : "", label != NULL ? label : "");
 }
 
 void app_result_known(app_json *json, const char *key, double value, const char *label) {
     if (isfinite(value) || !json->people) app_result_real(json, key, value, label);
-}
-
-void app_result_reals(app_json *json, const char *key, const double *values, size_t count,
-                      const char *label) {
-    app_json_reals(json, key, values, count);
-    if (!json->people || json->tabled) return;
-    app_put(json->stream, "%-20s  ", key);
-    for (size_t i = 0; i < count; i++) (void)fprintf(json->stream, "%s%.10g", i > 0 ? ", " : "", values[i]);
-    app_put(json->stream, "%s%s\n", label != NULL ? "  " : "", label != NULL ? label : "");
 }
 
 void app_result_line(app_json *json, const char *format, ...) {

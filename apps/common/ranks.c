@@ -11,7 +11,6 @@
 #include <unistd.h>
 
 #include "common/app.h"
-#include "liegrad/core.h"
 
 /* Environment variables with rank and rank count: Open MPI; MPICH and others with PMI; Slurm with PMIx. */
 static const struct {

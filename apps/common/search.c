@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "nn/search.h"
 #include "settings/settings.h"
 
 enum { SHOWN_TRIALS = 10, MOST_CHECKED = 10000 };
@@ -243,11 +242,10 @@ static lg_status run_fit(search_trial *self, lg_error *error) {
     lg_fit_options options = train_fit_options(self->train, train_training(task));
     options.on_epoch = on_epoch;
     options.user = self;
-    lg_status status = train_create(task, &options, error);
-    if (status != LG_OK) return status;
+    LG_TRY(train_create(task, &options, error));
     lg_fit *fit = task->training.fit;
     self->trial->parameters = lg_recipe_parameters(task->recipe, task->training.run);
-    status = lg_fit_run(fit, error);
+    const lg_status status = lg_fit_run(fit, error);
     self->trial->epochs = lg_fit_epochs_done(fit);
     if (status == LG_OK) (void)find_objective(self);
     if (self->failure.status != LG_OK) {
@@ -492,8 +490,7 @@ static void report(const searching *search, double seconds) {
     if (!search->app->json) print_trials(search);
     app_result_line(json, "%zu trials: %zu done, %zu stopped early, %zu failed (%.1f s)", search->count,
                     states[LG_TRIAL_DONE], states[LG_TRIAL_PRUNED], states[LG_TRIAL_FAILED], seconds);
-    app_json_size(json, "trials", search->count);
-    app_json_size(json, "new", search->count - search->before);
+    APP_PUT(json, LG_AS_WHOLE("trials", search->count), LG_AS_WHOLE("new", search->count - search->before));
     for (int i = 0; i < LG_TRIAL_STATE_COUNT; i++)
         app_json_size(json, lg_trial_state_name((lg_trial_state)i), states[i]);
     if (best < search->count && search->app->json)
@@ -617,7 +614,7 @@ void search_main(app *self, const app_command *train, train_task *task) {
     self->continues = search_given.resume || trials_continues(&search.work);
     app_check_outputs(self, &out, 1);
     train_begin(self, task, 1);
-    APP_MUST_FILE(self, ranges, lg_search_file_read(self->context, ranges, file, &error));
+    APP_FILE(self, ranges, lg_search_file_read, file);
     check_names(self, train, task, file);
     plan(&search);
     train_read(self, task);

@@ -171,15 +171,13 @@ static lg_fit *fit_of(const train_session *self) {
 static lg_status write_checkpoint(const train_session *self, const char *path, lg_error *error) {
     const train_task *task = self->task;
     const lg_provenance provenance = app_provenance(self->app, train_training(task)->seed);
-    lg_file_writer *writer = NULL;
+    APP_CLEAN(lg_file_writer_destroy_at) lg_file_writer *writer = NULL;
     lg_archive_writer archive;
-    lg_status status = lg_checkpoint_create(self->app->context, path, task->recipe, task->settings[0].values,
-                                            &provenance, &writer, error);
-    if (status == LG_OK) status = lg_file_writer_archive(writer, "fit", &archive);
-    if (status == LG_OK) status = lg_fit_save(fit_of(self), &archive, error);
-    if (status == LG_OK) status = lg_file_writer_commit(writer, error);
-    lg_file_writer_destroy(writer);
-    return status;
+    LG_TRY(lg_checkpoint_create(self->app->context, path, task->recipe, task->settings[0].values, &provenance,
+                                &writer, error));
+    LG_TRY(lg_file_writer_archive(writer, "fit", &archive));
+    LG_TRY(lg_fit_save(fit_of(self), &archive, error));
+    return lg_file_writer_commit(writer, error);
 }
 
 /* Saves the state; false, with a warning, if it cannot be written. */
@@ -330,9 +328,7 @@ static void adopt_size(app *self, const app_settings *settings, const void *from
 static void open_stored(app *self, const train_task *task, stored_run *stored) {
     if (files->resume == NULL) return;
     stored->run = app_keep(1, task->settings[0].size);
-    APP_MUST_FILE(self, files->resume,
-                  lg_checkpoint_open(self->context, files->resume, NULL, task->recipe, stored->run,
-                                     &stored->reader, &error));
+    APP_FILE(self, files->resume, lg_checkpoint_open, NULL, task->recipe, stored->run, &stored->reader);
     adopt_size(self, &task->settings[0], stored->run);
     if (!app_given(self, "preset")) app_adopt(self, &task->settings[0], stored->run, false);
     if (!self->seed_given) self->seed = stored_training(task, stored)->seed;

@@ -12,10 +12,9 @@
 #define LG_APPS_TRAIN_DRIVER_H
 
 #include "common/app.h"
-#include "liegrad/files.h"
+#include "core/clean.h"
 #include "liegrad/fit.h"
 #include "liegrad/model.h"
-#include "liegrad/settings.h"
 #include "model/files/training.h"
 
 typedef struct train_files {
@@ -126,6 +125,7 @@ const char *train_refuses(const train_task *task, const app_slot *slot);
 
 /* ---- parts for other commands ---- */
 
+LG_AT(lg_file_writer_destroy, lg_file_writer)
 lg_provenance app_provenance(const app *app, uint64_t seed);
 /* Writes a CSV file with these columns. */
 #define TRAIN_HISTORY "epoch,loss,validation,rate,seconds"

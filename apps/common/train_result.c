@@ -76,12 +76,12 @@ void train_put_results(app_json *out, const lg_training *training, size_t first,
             else
                 app_json_close(out, at->bracket);
         } else if (!out->people || table || (depth == 0 && (at->type != LG_FIELD_REAL || !isnan(at->real)))) {
-            app_result_put(out, *at, at->label);
+            app_result_put(out, *at);
         } else if (depth == 1 && at->name != NULL) {
             lg_result member = *at;
             APP_FREE char *name = app_format("%s, %s", outer->name, at->name);
             member.name = name;
-            app_result_put(out, member, member.label);
+            app_result_put(out, member);
         }
     }
 }
@@ -104,21 +104,19 @@ static void json_training(const train_session *session, app_json *json) {
     const lg_fit *fit = training->fit;
     const uint64_t done = lg_fit_epochs_done(fit);
     (void)lg_cpu_describe(cpu, sizeof cpu);
-    app_result_size(json, "epochs", done, NULL);
-    app_json_size(json, "evaluations", done);
-    app_json_text(json, "gradients", lg_fit_by_plans(fit) ? "plans" : "tape");
+    APP_PUT(json, APP_WHOLE("epochs", done, NULL), LG_AS_WHOLE("evaluations", done),
+            LG_AS_TEXT("gradients", lg_fit_by_plans(fit) ? "plans" : "tape"));
     app_result_known(json, "floor", training->floor, "part of the error that the integrator's steps make");
     APP_PUT(json, LG_AS_REAL("running_loss", lg_fit_loss(fit)),
             LG_AS_REAL("validation_loss", done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : NAN),
             LG_AS_WHOLE("best_epoch", lg_fit_best_epoch(fit)), LG_AS_FLAG("finished", lg_fit_finished(fit)),
             LG_AS_TEXT("stopped", lg_fit_finished(fit) ? lg_fit_end_sentence(fit) : NULL),
-            LG_AS_REAL("seconds_per_epoch", lg_fit_seconds_per_epoch(fit)));
-    app_result_real(json, "seconds", training->seconds, NULL);
-    app_json_size(json, "threads", self->threads);
+            LG_AS_REAL("seconds_per_epoch", lg_fit_seconds_per_epoch(fit)),
+            APP_REAL("seconds", training->seconds, NULL), LG_AS_WHOLE("threads", self->threads));
     json_ranks(self, fit, json);
     APP_PUT(json, LG_AS_WHOLE("steps", lg_fit_steps_done(fit)),
-            LG_AS_WHOLE("tape_bytes", lg_fit_tape_size(fit)), LG_AS_TEXT("cpu", cpu));
-    app_result_text(json, "out", train_given_files.out, NULL);
+            LG_AS_WHOLE("tape_bytes", lg_fit_tape_size(fit)), LG_AS_TEXT("cpu", cpu),
+            APP_TEXT("out", train_given_files.out, NULL));
     json_run(json, &session->task->settings[0]);
     train_size_json(&session->race, json);
 }

@@ -15,8 +15,6 @@
 #include <sys/types.h>
 
 #include "common/app.h"
-#include "liegrad/files.h"
-#include "liegrad/settings.h"
 
 /* Options of these commands. They are the member `shared` of the structure with the command's values. */
 typedef struct trials_values {

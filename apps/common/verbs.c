@@ -30,7 +30,7 @@ void verb_search(app *self) {
 static const lg_recipe *recipe_of_file(const app *self, const char *path) {
     char kind[64] = "";
     APP_CLEAN(lg_model_file_destroy) lg_model_file file = {0};
-    APP_MUST_FILE(self, path, lg_model_load(self->context, path, NULL, &file, &error));
+    APP_FILE(self, path, lg_model_load, NULL, &file);
     if (file.recipe != NULL) return file.recipe;
     (void)lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, NULL);
     app_stop(self, LG_FORMAT,
@@ -47,7 +47,7 @@ void verb_evaluate(app *self) {
     const app_settings settings[] = {{recipe->fields, app_keep(1, recipe->run_size), 0}, APP_SETTINGS_END};
     task.settings = settings;
     char *file = app_keep(1, recipe->file_size);
-    APP_MUST_FILE(self, path, lg_recipe_load(self->context, path, NULL, recipe, file, &error));
+    APP_FILE(self, path, lg_recipe_load, NULL, recipe, file);
     train_begin(self, &task, 1);
     lg_training *training = &task.training;
     training->model = path;
@@ -60,8 +60,7 @@ void verb_evaluate(app *self) {
     train_draw(self, &task);
     app_json *out = self->out;
     train_put_results(out, training, 0, training->result_count);
-    app_json_text(out, "recipe", recipe->name);
-    app_json_real(out, "seconds", training->seconds);
+    APP_PUT(out, LG_AS_TEXT("recipe", recipe->name), LG_AS_REAL("seconds", training->seconds));
     app_result_end(self);
     if (!self->json && task.print != NULL) task.print(training);
     if (training->verdict.failed) self->code = APP_EXIT_NUMERIC;

@@ -72,7 +72,7 @@ static void choose_part(evaluation *e) {
         if (same && values.part == PART_AUTO)
             app_warn(e->app, "%s was trained on %s without a test part: these are training errors", model,
                      e->path);
-        APP_MUST(e->app, lg_window_part(e->app->context, &e->from, NULL, LG_PART_NONE, &e->part, &error));
+        APP_DO(e->app, lg_window_part, &e->from, NULL, LG_PART_NONE, &e->part);
         return;
     }
     if (!same)
@@ -181,25 +181,20 @@ static void add_votes(app_json *out, const evaluation *e) {
     const voting *votes = &e->votes;
     const char *unit = e->names->rate > 0 ? "s" : "samples";
     if (values.votes.count == 0) return;
-    app_json_open(out, "votes", '{');
-    app_json_size(out, "k", values.votes.values[0]);
-    app_json_size(out, "n", values.votes.values[1]);
-    app_result_size(out, "damaged_runs", votes->damaged, NULL);
-    app_result_size(out, "detected_runs", votes->detected, "by votes");
-    app_json_real(out, "probability_of_detection", part_or_nan(votes->detected, votes->damaged));
-    app_json_text(out, "unit", unit);
-    app_result_real(out, "median_time_to_detection", votes->median, unit);
-    app_result_real(out, "largest_time_to_detection", votes->largest, unit);
-    app_json_real(out, "intact_time", votes->intact_time);
-    app_result_size(out, "false_alarms", votes->false_alarms, "by votes");
-    app_result_real(out, "false_alarms_per_day", votes->a_day, "by votes");
-    app_json_close(out, '}');
+    APP_OBJECT(out, "votes", LG_AS_WHOLE("k", values.votes.values[0]),
+               LG_AS_WHOLE("n", values.votes.values[1]), APP_WHOLE("damaged_runs", votes->damaged, NULL),
+               APP_WHOLE("detected_runs", votes->detected, "by votes"),
+               LG_AS_REAL("probability_of_detection", part_or_nan(votes->detected, votes->damaged)),
+               LG_AS_TEXT("unit", unit), APP_REAL("median_time_to_detection", votes->median, unit),
+               APP_REAL("largest_time_to_detection", votes->largest, unit),
+               LG_AS_REAL("intact_time", votes->intact_time),
+               APP_WHOLE("false_alarms", votes->false_alarms, "by votes"),
+               APP_REAL("false_alarms_per_day", votes->a_day, "by votes"));
 }
 
 static void add_evaluation(app_json *out, const evaluation *e) {
-    app_result_text(out, "data", e->path, NULL);
-    app_result_text(out, "part", e->part_name, NULL);
-    app_result_size(out, "windows", e->judged.count, NULL);
+    APP_PUT(out, APP_TEXT("data", e->path, NULL), APP_TEXT("part", e->part_name, NULL),
+            APP_WHOLE("windows", e->judged.count, NULL));
     put_metrics(out, &e->judged, e->model);
     APP_PUT(out, LG_AS_REAL("mse", e->judged.mse), LG_AS_REAL("test_seconds", e->judged.seconds),
             LG_AS_REAL("noise", e->from.data.noise), LG_AS_REAL("severity", e->from.data.severity),
@@ -210,8 +205,8 @@ static void add_evaluation(app_json *out, const evaluation *e) {
     app_json_open(out, "classes", '[');
     for (uint32_t c = 0; c < e->names->classes; c++) app_json_text(out, NULL, e->names->class_name[c]);
     app_json_close(out, ']');
-    app_result_text(out, "healthy", e->run->healthy[0] != '\0' ? e->run->healthy : NULL, NULL);
-    app_json_size(out, "threads", e->app->threads);
+    APP_PUT(out, APP_TEXT("healthy", e->run->healthy[0] != '\0' ? e->run->healthy : NULL, NULL),
+            LG_AS_WHOLE("threads", e->app->threads));
 }
 
 /* One table row per data file, used for the probability of detection against severity or noise. */
@@ -223,8 +218,7 @@ static void add_row(app_json *out, const evaluation *e) {
             LG_AS_TEXT("healthy", e->run->healthy),
             LG_AS_REAL("false alarms/day", lg_judgement_alarms(&e->judged, e->run->hop, e->names->rate)));
     if (values.votes.count == 0) return;
-    app_json_size(out, "damaged", e->votes.damaged);
-    app_json_size(out, "detected", e->votes.detected);
+    APP_PUT(out, LG_AS_WHOLE("damaged", e->votes.damaged), LG_AS_WHOLE("detected", e->votes.detected));
 }
 
 static void report(const app *self, const evaluation *list, size_t count) {

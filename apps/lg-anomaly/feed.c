@@ -187,16 +187,13 @@ static lg_status sink_close(sink *to, lg_status status, lg_error *error) {
 
 static void report(const feeding *feed, double seconds) {
     app_json *out = feed->app->out;
-    app_result_real(out, "hours", values.hours, NULL);
-    app_result_size(out, "samples", feed->samples, NULL);
-    app_result_size(out, "lines", feed->lines, "samples that are there");
-    app_result_size(out, "gaps", feed->gaps, NULL);
-    app_result_size(out, "nan", feed->nans, "samples with a value nan");
-    APP_PUT(out, LG_AS_WHOLE("bytes", feed->bytes), LG_AS_REAL("rate", (double)feed->rate),
-            LG_AS_REAL("crack_at", values.crack_at), LG_AS_REAL("severity", values.well.severity),
-            LG_AS_REAL("noise", values.well.noise), LG_AS_WHOLE("seed", feed->app->seed));
-    app_result_text(out, "out", values.out, NULL);
-    app_result_real(out, "seconds", seconds, NULL);
+    APP_PUT(out, APP_REAL("hours", values.hours, NULL), APP_WHOLE("samples", feed->samples, NULL),
+            APP_WHOLE("lines", feed->lines, "samples that are there"), APP_WHOLE("gaps", feed->gaps, NULL),
+            APP_WHOLE("nan", feed->nans, "samples with a value nan"), LG_AS_WHOLE("bytes", feed->bytes),
+            LG_AS_REAL("rate", (double)feed->rate), LG_AS_REAL("crack_at", values.crack_at),
+            LG_AS_REAL("severity", values.well.severity), LG_AS_REAL("noise", values.well.noise),
+            LG_AS_WHOLE("seed", feed->app->seed), APP_TEXT("out", values.out, NULL),
+            APP_REAL("seconds", seconds, NULL));
 }
 
 static lg_status write_hour(feeding *feed, uint64_t index, hour *h, const sink *to, lg_error *error) {

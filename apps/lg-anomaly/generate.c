@@ -148,23 +148,17 @@ static void report(const app *self, const lg_series_data *data, double seconds) 
     size_t broken = 0;
     for (size_t i = 0; i < series->count; i++) broken += series->label[i] == 1;
     app_json *out = self->out;
-    app_result_size(out, "runs", values.runs, NULL);
-    app_result_real(out, "hours", values.hours, "of a run");
-    app_result_size(out, "windows", series->count, NULL);
-    app_result_size(out, "intact", series->count - broken, NULL);
-    app_result_size(out, "broken", broken, NULL);
-    app_result_size(out, "channels", series->channels, NULL);
-    app_result_size(out, "length", series->length, "samples of a window");
-    app_result_real(out, "rate", series->rate, "samples per second");
-    app_result_real(out, "noise", values.well.noise, NULL);
-    app_result_text(out, "housing", data->housing, NULL);
-    app_result_text(out, "operation", operation_names[values.well.operation], NULL);
-    app_result_real(out, "load_relief", values.well.load_relief, "N/m");
-    app_result_real(out, "severity", values.well.severity, NULL);
-    APP_PUT(out, LG_AS_WHOLE("seed", self->seed), LG_AS_WHOLE("threads", self->threads),
-            LG_AS_TEXT("sha256", data->sha256));
-    app_result_text(out, "out", values.out, NULL);
-    app_result_real(out, "seconds", seconds, NULL);
+    APP_PUT(out, APP_WHOLE("runs", values.runs, NULL), APP_REAL("hours", values.hours, "of a run"),
+            APP_WHOLE("windows", series->count, NULL), APP_WHOLE("intact", series->count - broken, NULL),
+            APP_WHOLE("broken", broken, NULL), APP_WHOLE("channels", series->channels, NULL),
+            APP_WHOLE("length", series->length, "samples of a window"),
+            APP_REAL("rate", series->rate, "samples per second"), APP_REAL("noise", values.well.noise, NULL),
+            APP_TEXT("housing", data->housing, NULL),
+            APP_TEXT("operation", operation_names[values.well.operation], NULL),
+            APP_REAL("load_relief", values.well.load_relief, "N/m"),
+            APP_REAL("severity", values.well.severity, NULL), LG_AS_WHOLE("seed", self->seed),
+            LG_AS_WHOLE("threads", self->threads), LG_AS_TEXT("sha256", data->sha256),
+            APP_TEXT("out", values.out, NULL), APP_REAL("seconds", seconds, NULL));
 }
 
 /* Simulates all runs, together with other processes if there are any. False: another process writes the
@@ -232,7 +226,7 @@ static void run(app *self) {
     (void)snprintf(data.housing, sizeof data.housing, "%s", housing_names[values.well.housing]);
     (void)snprintf(data.healthy, sizeof data.healthy, "%s", data.series.class_name[0]);
     data.provenance = app_provenance(self, self->seed);
-    APP_MUST_FILE(self, values.out, lg_series_write(self->context, values.out, &data, &error));
+    APP_FILE(self, values.out, lg_series_write, &data);
     trials_end(&made);
     app_plot_draw(self, 0, &data.series.rate);
     report(self, &data, seconds);

@@ -1,6 +1,5 @@
 /* Networks and classical models: reading them, and the scores of windows. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "lg-anomaly/anomaly.h"
@@ -13,10 +12,9 @@ void well_model_load(const app *self, const char *path, well_model *out) {
     *out = (well_model){.healthy = LG_NO_CLASS};
     lg_detector_file *network = &out->network;
     classifier_file *file = &out->file;
-    APP_MUST_FILE(self, path, lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, &error));
+    APP_FILE(self, path, lg_model_file_kind, NULL, kind, sizeof kind);
     if (strcmp(kind, "detector") == 0) {
-        APP_MUST_FILE(self, path,
-                      lg_recipe_load(self->context, path, NULL, &lg_recipe_detector, network, &error));
+        APP_FILE(self, path, lg_recipe_load, NULL, &lg_recipe_detector, network);
         out->method = "cnn";
         out->window = network->run.model.net.length;
         APP_MUST_FILE(self, path,
@@ -24,7 +22,7 @@ void well_model_load(const app *self, const char *path, well_model *out) {
                                               network->theta, network->run.training.dtype, &out->plan,
                                               &error));
     } else if (strcmp(kind, "classifier") == 0) {
-        APP_MUST_FILE(self, path, classifier_file_load(self->context, path, file, &error));
+        APP_FILE(self, path, classifier_file_load, file);
         out->sort = classifier_file_is_novelty(file) ? WELL_NOVELTY : WELL_CLASSICAL;
         out->method = file->method;
         out->window = (uint32_t)file->run.window;
@@ -48,8 +46,7 @@ void well_model_settle(const app *self, well_model *model, const char *given, co
     if (model->healthy != LG_NO_CLASS) return;
     if (given[0] != '\0')
         (void)snprintf(model->file.run.healthy, sizeof model->file.run.healthy, "%s", given);
-    APP_MUST(self,
-             lg_find_healthy(self->context, &names, data, model->file.run.healthy, &model->healthy, &error));
+    APP_DO(self, lg_find_healthy, &names, data, model->file.run.healthy, &model->healthy);
 }
 
 void well_model_need_healthy(const app *self, const well_model *model, const char *what) {
@@ -103,7 +100,7 @@ void read_series_of(const app *self, const char *path, const well_model *model, 
     const bool any = model->sort == WELL_NOVELTY;
     lg_series like = model->file.names;
     if (any) like.classes = 0;
-    APP_MUST_FILE(self, path, lg_series_read_like(self->context, path, &like, out, &error));
+    APP_FILE(self, path, lg_series_read_like, &like, out);
     if (any) merge_classes(&out->series, model->file.names.class_name[0]);
 }
 

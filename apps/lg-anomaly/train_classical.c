@@ -2,7 +2,6 @@
  * of the healthy class look like, and nothing else. */
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "lg-anomaly/train.h"
 
@@ -182,11 +181,10 @@ static void choose(classical *self) {
     if (chosen->count == 1) return;
     chosen->accuracy = app_keep(chosen->count, sizeof *chosen->accuracy);
     const double begin = app_seconds();
-    APP_MUST(self->app, lg_classifier_search(
-                            self->app->context, chosen->options, chosen->count, (uint32_t)train_given.folds,
-                            self->table, self->label, self->unit, state->train.list, state->train.count,
-                            self->model.file.classifier.features.count, self->model.file.names.classes,
-                            (int)self->app->threads, chosen->accuracy, &chosen->best, &error));
+    APP_DO(self->app, lg_classifier_search, chosen->options, chosen->count, (uint32_t)train_given.folds,
+           self->table, self->label, self->unit, state->train.list, state->train.count,
+           self->model.file.classifier.features.count, self->model.file.names.classes,
+           (int)self->app->threads, chosen->accuracy, &chosen->best);
     chosen->seconds = app_seconds() - begin;
 }
 
@@ -244,7 +242,7 @@ static void judge_part(const classical *self, const lg_cut_series *from, const l
     if (table != NULL)
         APP_MUST(program, judge_rows(program, &self->model, from, part, table, out, &error));
     else
-        APP_MUST(program, lg_judge(program->context, &by, from, part, program->threads, out, &error));
+        APP_DO(program, lg_judge, &by, from, part, program->threads, out);
 }
 
 /* ---- accuracy of pruned trees against alpha ---- */
@@ -285,9 +283,9 @@ void put_pruning(app_plot *plot, const void *view) {
 /* ---- results ---- */
 
 static void put_choice(app_json *out, const choice *chosen) {
-    app_result_real(out, "cv_accuracy", chosen->accuracy[chosen->best],
-                    "best of the grid by cross-validation");
-    app_json_real(out, "grid_seconds", chosen->seconds);
+    APP_PUT(out,
+            APP_REAL("cv_accuracy", chosen->accuracy[chosen->best], "best of the grid by cross-validation"),
+            LG_AS_REAL("grid_seconds", chosen->seconds));
     app_json_open(out, "grid", '[');
     for (size_t i = 0; i < chosen->count; i++) {
         const lg_classifier_options *option = &chosen->options[i];
@@ -307,9 +305,8 @@ static void put_choice(app_json *out, const choice *chosen) {
 
 static void put_method(app_json *out, const lg_classifier *model, const lg_classifier_options *option) {
     if (model->method == LG_METHOD_TREE) {
-        app_result_size(out, "depth", model->tree.depth, NULL);
-        app_result_size(out, "nodes", model->tree.count, NULL);
-        APP_PUT(out, LG_AS_TEXT("criterion", lg_tree_criterion_name(option->tree.criterion)),
+        APP_PUT(out, APP_WHOLE("depth", model->tree.depth, NULL), APP_WHOLE("nodes", model->tree.count, NULL),
+                LG_AS_TEXT("criterion", lg_tree_criterion_name(option->tree.criterion)),
                 LG_AS_REAL("ccp_alpha", option->tree.ccp_alpha),
                 LG_AS_WHOLE("max_depth", option->tree.max_depth),
                 LG_AS_WHOLE("min_samples_split", option->tree.min_samples_split),
@@ -322,23 +319,23 @@ static void put_method(app_json *out, const lg_classifier *model, const lg_class
             app_result_size(out, "iterations", model->logistic.iterations, NULL);
             return;
         }
-        app_result_size(out, "support_vectors", model->svm.vectors, NULL);
-        app_json_real(out, "gamma", model->method == LG_METHOD_SVM_RBF ? model->svm.gamma : (double)NAN);
+        APP_PUT(out, APP_WHOLE("support_vectors", model->svm.vectors, NULL),
+                LG_AS_REAL("gamma", model->method == LG_METHOD_SVM_RBF ? model->svm.gamma : (double)NAN));
     }
 }
 
 static void put_classical(app_json *out, const classical *self) {
     const lg_classifier *model = &self->model.file.classifier;
     if (self->model.sort == WELL_NOVELTY) {
-        app_result_size(out, "feature_count", self->model.file.novelty.features, NULL);
-        app_json_size(out, "bands", self->model.file.novelty.bands);
+        APP_PUT(out, APP_WHOLE("feature_count", self->model.file.novelty.features, NULL),
+                LG_AS_WHOLE("bands", self->model.file.novelty.bands));
         return;
     }
-    app_result_text(out, "features", lg_feature_kind_name(model->features.kind), NULL);
-    app_result_size(out, "feature_count", model->features.count, NULL);
-    app_result_size(out, "components", model->pca.components, NULL);
-    app_json_text(out, "directions", train_given.directions == 1 ? "x" : "xy");
-    app_result_real(out, "feature_seconds", self->feature_seconds, NULL);
+    APP_PUT(out, APP_TEXT("features", lg_feature_kind_name(model->features.kind), NULL),
+            APP_WHOLE("feature_count", model->features.count, NULL),
+            APP_WHOLE("components", model->pca.components, NULL),
+            LG_AS_TEXT("directions", train_given.directions == 1 ? "x" : "xy"),
+            APP_REAL("feature_seconds", self->feature_seconds, NULL));
     put_method(out, model, &self->chosen.options[self->chosen.best]);
     if (self->chosen.accuracy != NULL) put_choice(out, &self->chosen);
 }
@@ -352,13 +349,12 @@ static void report(const classical *self) {
     lg_detector_tell_training(training, model->method, model->file.names.classes,
                               model->file.names.class_name);
     train_put_results(out, training, 0, training->result_count);
-    app_result_text(out, "healthy", train_run.healthy[0] != '\0' ? train_run.healthy : NULL, NULL);
-    app_result_text(out, "split", lg_split_name(train_run.split), NULL);
-    app_json_real(out, "test_fraction", train_run.test_fraction);
+    APP_PUT(out, APP_TEXT("healthy", train_run.healthy[0] != '\0' ? train_run.healthy : NULL, NULL),
+            APP_TEXT("split", lg_split_name(train_run.split), NULL),
+            LG_AS_REAL("test_fraction", train_run.test_fraction));
     put_classical(out, self);
-    app_json_size(out, "seed", program->seed);
-    app_json_size(out, "threads", program->threads);
-    app_result_text(out, "out", train_given_files.out, NULL);
+    APP_PUT(out, LG_AS_WHOLE("seed", program->seed), LG_AS_WHOLE("threads", program->threads),
+            APP_TEXT("out", train_given_files.out, NULL));
     if (model->sort == WELL_CLASSICAL) app_json_real(out, "floor", (double)NAN);
 }
 
@@ -426,9 +422,8 @@ static void train_novelty(classical *self) {
     const double begin = app_seconds();
     lg_novelty_options_init(&options);
     options.margin = MARGIN;
-    APP_MUST(self->app,
-             lg_novelty_fit(self->app->context, &options, &all->data.series, &all->windows, train->list,
-                            train->count, (int)self->app->threads, &self->model.file.novelty, &error));
+    APP_DO(self->app, lg_novelty_fit, &options, &all->data.series, &all->windows, train->list, train->count,
+           (int)self->app->threads, &self->model.file.novelty);
     network_recipe.training.seconds = app_seconds() - begin;
 }
 
@@ -443,9 +438,7 @@ void train_classical(const app *program) {
     file->accuracy = state->judged.metrics.accuracy;
     file->f1 = state->judged.metrics.f1;
     file->provenance = app_provenance(program, train_run.training.seed);
-    APP_MUST_FILE(
-        program, train_given_files.out,
-        lg_recipe_save(program->context, train_given_files.out, &classifier_recipe, file, NULL, &error));
+    APP_FILE(program, train_given_files.out, lg_recipe_save, &classifier_recipe, file, NULL);
     app_plot_draw(program, plots_of(&self.model, true),
                   &(viewing){&self.model, lg_detector_tested(state),
                              state->tested.count > 0 ? &state->judged : &state->train_judged,

@@ -74,8 +74,7 @@ static bool is_unlike(const bench *b, uint32_t missing) {
 
 static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *answer, double *score) {
     bench *b = user;
-    const lg_status status = well_model_score(b->model, x, b->score, NULL, b->work);
-    if (status != LG_OK) return status;
+    LG_TRY(well_model_score(b->model, x, b->score, NULL, b->work));
     b->given = lg_metrics_class(b->score, b->names->classes);
     *score = well_model_alarm(b->model, b->score);
     *answer = b->given != b->model->healthy ? LG_ANSWER_POSITIVE : LG_ANSWER_NEGATIVE;
@@ -326,39 +325,30 @@ static void print_summary(const watching *self, double seconds, size_t watch_byt
                  before = (double)t->judged_before * self->hop / self->rate / DAY;
     app_json *out = self->app->out;
     out->prefix = "# ";
-    app_json_bool(out, "summary", true);
-    app_result_text(out, "healthy", self->bench.model->file.run.healthy,
-                    "windows of other classes vote for the alarm");
-    app_json_bool(out, "interrupted", app_interrupted());
-    app_result_size(out, "samples", t->samples, NULL);
-    app_result_size(out, "received", t->received, NULL);
-    app_result_size(out, "absent", t->absent, NULL);
-    app_result_size(out, "not_finite", t->not_finite, NULL);
-    app_result_size(out, "malformed", t->malformed, NULL);
-    app_result_size(out, "repeated", t->repeated, NULL);
-    app_result_real(out, "days", days, NULL);
-    app_result_size(out, "windows", t->windows, NULL);
-    app_result_size(out, "judged", t->judged, NULL);
-    app_result_size(out, "positive", t->positive, NULL);
-    app_json_size(out, "failed", t->failed);
-    if (isfinite(self->bench.farthest) || !out->people) {
-        app_result_size(out, "unlike", t->unlike, NULL);
-        app_result_size(out, "unlike_alarms", t->unlike_alarms, self->unlike ? "standing" : NULL);
-    }
-    app_json_real(out, "first_unlike", t->first_unlike);
-    app_json_bool(out, "alarm", self->alarm);
-    app_result_size(out, "alarms", t->alarms, self->alarm ? "standing" : NULL);
-    app_json_real(out, "first_alarm", t->first_alarm);
+    APP_PUT(out, LG_AS_FLAG("summary", true),
+            APP_TEXT("healthy", self->bench.model->file.run.healthy,
+                     "windows of other classes vote for the alarm"),
+            LG_AS_FLAG("interrupted", app_interrupted()), APP_WHOLE("samples", t->samples, NULL),
+            APP_WHOLE("received", t->received, NULL), APP_WHOLE("absent", t->absent, NULL),
+            APP_WHOLE("not_finite", t->not_finite, NULL), APP_WHOLE("malformed", t->malformed, NULL),
+            APP_WHOLE("repeated", t->repeated, NULL), APP_REAL("days", days, NULL),
+            APP_WHOLE("windows", t->windows, NULL), APP_WHOLE("judged", t->judged, NULL),
+            APP_WHOLE("positive", t->positive, NULL), LG_AS_WHOLE("failed", t->failed));
+    if (isfinite(self->bench.farthest) || !out->people)
+        APP_PUT(out, APP_WHOLE("unlike", t->unlike, NULL),
+                APP_WHOLE("unlike_alarms", t->unlike_alarms, self->unlike ? "standing" : NULL));
+    APP_PUT(out, LG_AS_REAL("first_unlike", t->first_unlike), LG_AS_FLAG("alarm", self->alarm),
+            APP_WHOLE("alarms", t->alarms, self->alarm ? "standing" : NULL),
+            LG_AS_REAL("first_alarm", t->first_alarm));
     put_known(out, "crack_at", values.crack_at, "s");
     put_known(out, "time_to_detection", t->detection - values.crack_at, "s");
     put_known(out, "false_alarms", (double)t->alarms_before, NULL);
     put_known(out, "false_alarms_per_day", a_day(t->alarms_before, before), NULL);
     put_known(out, "false_positive_windows_per_day", a_day(t->positive_before, before), NULL);
-    app_result_real(out, "seconds", seconds, NULL);
-    app_result_real(out, "samples_per_second", (double)t->samples / seconds, NULL);
-    app_result_size(out, "watch_bytes", watch_bytes, NULL);
-    app_json_size(out, "start_rss_kb", start_rss);
-    app_result_size(out, "max_rss_kb", max_rss_kb(), NULL);
+    APP_PUT(out, APP_REAL("seconds", seconds, NULL),
+            APP_REAL("samples_per_second", (double)t->samples / seconds, NULL),
+            APP_WHOLE("watch_bytes", watch_bytes, NULL), LG_AS_WHOLE("start_rss_kb", start_rss),
+            APP_WHOLE("max_rss_kb", max_rss_kb(), NULL));
 }
 
 /* ---- the command ---- */

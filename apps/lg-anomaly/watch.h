@@ -3,7 +3,6 @@
 #ifndef LG_APPS_ANOMALY_WATCH_H
 #define LG_APPS_ANOMALY_WATCH_H
 
-#include "liegrad/anomaly.h"
 #include "lg-anomaly/anomaly.h"
 #include "lg-anomaly/samples.h"
 

@@ -220,7 +220,7 @@ static bool chooses_gains(const app *self, const lg_policy_task *task) {
 lg_policy *control_read_policy(const app *self, const char *path, const double *gains, size_t count) {
     lg_policy *policy = NULL;
     if (!is_task(path)) {
-        APP_MUST_FILE(self, path, lg_policy_load(self->context, path, NULL, &policy, NULL, &error));
+        APP_FILE(self, path, lg_policy_load, NULL, &policy, NULL);
         return policy;
     }
     lg_policy_task task;
@@ -234,7 +234,7 @@ lg_policy *control_read_policy(const app *self, const char *path, const double *
         task.gain_count = (uint32_t)count;
         memcpy(task.gains, gains, count * sizeof *gains);
     }
-    APP_MUST(self, lg_policy_create(self->context, &task, plant, self->seed, &policy, &error));
+    APP_DO(self, lg_policy_create, &task, plant, self->seed, &policy);
     if (lg_policy_parameters(policy) > 0)
         app_warn(self, "%s is a task: its controller of kind %s is not trained", path,
                  lg_policy_kind_name(task.kind));
@@ -297,28 +297,26 @@ static void tell(app *self, naming names, const verdict *v) {
     const lg_certify_result *r = &v->r;
     app_json *out = self->out;
     APP_PUT(out, LG_AS_FLAG("verified", r->verified), LG_AS_FLAG("global", r->verified && v->global),
-            LG_AS_FLAG("converges", r->converges));
-    app_result_text(out, "claim", r->claim, NULL);
+            LG_AS_FLAG("converges", r->converges), APP_TEXT("claim", r->claim, NULL));
     APP_FREE char *reason = r->verified ? NULL : tell_reason(out, names, v);
     if (!r->verified) app_result_text(out, "reason", reason, NULL);
     if (v->global) {
         app_result_real(out, "margin", v->margin, "of the input's force over the potential's");
     } else if (values.lyapunov == ENERGY) {
-        app_result_real(out, "level", r->level, NULL);
-        app_result_real(out, "angle", v->margin, "radians: all rotations at rest up to it are in the set");
+        APP_PUT(out, APP_REAL("level", r->level, NULL),
+                APP_REAL("angle", v->margin, "radians: all rotations at rest up to it are in the set"));
     } else {
-        app_result_real(out, "level", rounded_down(r->level), NULL);
-        app_result_real(out, "volume", rounded_down(r->volume), "of {V <= level}, a lower bound");
-        app_result_real(out, "fraction", rounded_down(r->fraction), "of the box");
+        APP_PUT(out, APP_REAL("level", rounded_down(r->level), NULL),
+                APP_REAL("volume", rounded_down(r->volume), "of {V <= level}, a lower bound"),
+                APP_REAL("fraction", rounded_down(r->fraction), "of the box"));
     }
     if (r->width != NULL)
-        app_result_reals(out, "width", r->width, v->sides,
-                         "the set's largest distance from the goal in each state");
+        app_result_put(out, APP_REALS("width", r->width, v->sides,
+                                      "the set's largest distance from the goal in each state"));
     if (r->input_error > 0) app_json_real(out, "input_error", r->input_error);
     if (r->input_error > 0 && r->verified) app_json_real(out, "eps_rounded", r->eps_rounded);
     tell_forms(out, names, v);
-    app_result_size(out, "boxes", r->boxes, "examined");
-    app_result_real(out, "seconds", r->seconds, NULL);
+    APP_PUT(out, APP_WHOLE("boxes", r->boxes, "examined"), APP_REAL("seconds", r->seconds, NULL));
     app_result_end(self);
     if (!r->verified) app_stop(self, LG_CHECK_FAILED, "not proved: %s", reason);
 }
@@ -404,7 +402,7 @@ static void prove_energy(app *self, lg_policy *policy, naming names) {
     lg_certify_energy_spec_init(&spec);
     spec.program = lg_policy_program(policy), spec.slope = "slope";
     spec.damping = loop.damping, spec.gain = loop.gain, spec.saturated = loop.saturated;
-    APP_MUST(self, lg_certify_energy(self->context, &spec, &r, &error));
+    APP_DO(self, lg_certify_energy, &spec, &r);
     verdict v = {.r = {.verified = r.verified,
                        .boxes = r.boxes,
                        .claim = r.claim,
@@ -620,7 +618,7 @@ static lg_certify *begin_proof(const app *self, const lg_program *program, doubl
     spec->most = quadratic ? 0.98 : 0; /* the proposal has the level 1: more boxes would gain little */
     spec->low = what->low, spec->high = what->high, spec->model_error = what->error;
     spec->threads = (int)self->threads;
-    APP_MUST(self, lg_certify_create(self->context, spec, &certify, &error));
+    APP_DO(self, lg_certify_create, spec, &certify);
     return certify;
 }
 
@@ -637,14 +635,13 @@ static void write_certificate(const app *self, naming names, lg_certify_spec *sp
         spec->control = "input_by_state";
         spec->period = 0;
     }
-    APP_MUST(self, lg_certificate_make(self->context, spec, proved, INFINITY, &file, &error));
+    APP_DO(self, lg_certificate_make, spec, proved, INFINITY, &file);
     for (size_t i = 0; i < file.states; i++) copy_name(file.names[i], name_of(names, i));
     APP_FREE char *plant =
         is_task(self->arguments[0]) ? control_plant_path(self, own) : app_format("%s", own);
     copy_name(file.plant, plant);
     copy_name(file.controller, own);
-    APP_MUST_FILE(self, values.certificate,
-                  lg_certificate_save(self->context, values.certificate, &file, &error));
+    APP_FILE(self, values.certificate, lg_certificate_save, &file);
     lg_certificate_destroy(&file);
 }
 

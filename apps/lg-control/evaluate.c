@@ -34,9 +34,8 @@ static void warn_of_other_lag(const app *self, const lg_policy *policy, const lg
     const uint32_t n = control_count_lagged(lg_policy_task_of(policy), false);
     for (uint32_t l = 0; l < LG_POLICY_INPUTS; l++) u[l] = 1;
     for (int i = 0; i < 2 && n > 0; i++)
-        APP_MUST(self,
-                 lg_program_eval(self->context, i == 0 ? lg_policy_program(policy) : plant, "lag", 1,
-                                 (const double *const[]){none, u, &h}, (double *const[]){a[i]}, &error));
+        APP_DO(self, lg_program_eval, i == 0 ? lg_policy_program(policy) : plant, "lag", 1,
+               (const double *const[]){none, u, &h}, (double *const[]){a[i]});
     if (memcmp(a[0], a[1], n * sizeof **a) != 0)
         app_warn(
             self,
@@ -130,7 +129,7 @@ static void lay_out(following *f, const char *path) {
         app_stop(f->self, LG_FORMAT,
                  "--reference: the policy's task tracks no coordinate; give it track: [NAME]");
     f->numbers = f->tracked * (f->velocities > 0 ? 2 : 1);
-    APP_MUST_FILE(f->self, path, lg_table_names_read(f->self->context, path, NULL, &names, &error));
+    APP_FILE(f->self, path, lg_table_names_read, NULL, &names);
     for (uint32_t k = 0; k < f->tracked; k++) {
         const char *wanted = f->task->coordinate[f->place[k]].velocity;
         bool found = false;
@@ -139,9 +138,7 @@ static void lay_out(following *f, const char *path) {
     }
     for (uint32_t k = 0; rates && k < f->tracked; k++)
         f->column[f->columns++] = f->task->coordinate[f->place[k]].velocity;
-    APP_MUST_FILE(
-        f->self, path,
-        lg_table_read(f->self->context, path, f->column, f->columns, NULL, NULL, &f->table, &error));
+    APP_FILE(f->self, path, lg_table_read, f->column, f->columns, NULL, NULL, &f->table);
     for (size_t i = 0; i < f->table.rows * f->columns; i++)
         if (!isfinite(f->table.values[i]))
             app_stop(f->self, LG_FORMAT, "%s: %s %zu: column %s has no number", path, f->table.place,
@@ -207,8 +204,8 @@ static void tell_errors(const following *f, app_json *out, const sums *sum, doub
     for (uint32_t k = 0; k < f->tracked; k++) {
         const char *name = f->task->coordinate[f->place[k]].name;
         APP_FREE char *rms = app_format("%s_rms", name), *largest = app_format("%s_largest", name);
-        app_result_real(out, rms, sqrt(sum[k].square), "of the distance from the set point");
-        app_result_real(out, largest, sum[k].largest, NULL);
+        APP_PUT(out, APP_REAL(rms, sqrt(sum[k].square), "of the distance from the set point"),
+                APP_REAL(largest, sum[k].largest, NULL));
     }
     app_result_real(out, "saturated", saturated, "share of the periods with an input at a limit");
     app_json_close(out, '}');
@@ -238,8 +235,7 @@ static void run(app *self) {
     lg_policy *trained = NULL, *policy = NULL;
     lg_policy_outcome rough;
     lg_policy_task names;
-    APP_MUST_FILE(self, self->arguments[0],
-                  lg_policy_load(self->context, self->arguments[0], NULL, &trained, NULL, &error));
+    APP_FILE(self, self->arguments[0], lg_policy_load, NULL, &trained, NULL);
     lg_program *plant = values.plant != NULL ? other_plant(self, trained, &names) : NULL;
     APP_MUST(self,
              lg_policy_transplant(trained, plant, plant != NULL ? names.dead_time : NULL, &policy, &error));

@@ -15,7 +15,7 @@ static plant_kind kind_of(const app *self, const char *path) {
     bool is_hdf5;
     APP_MUST_FILE(self, path, lg_file_is_h5(path, &is_hdf5, &error));
     if (!is_hdf5) return MACHINE;
-    APP_MUST_FILE(self, path, lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, &error));
+    APP_FILE(self, path, lg_model_file_kind, NULL, kind, sizeof kind);
     return strcmp(kind, "machine_model") == 0 ? MODEL : PROGRAM;
 }
 
@@ -139,19 +139,15 @@ static bool open_machine(const app *self, const char *path, control_machine *out
     *out = (control_machine){.model = {.theta = NULL}};
     if (kind == PROGRAM) return false;
     if (kind == MODEL) {
-        APP_MUST_FILE(
-            self, path,
-            lg_recipe_load(self->context, path, NULL, &lg_recipe_machine_model, &out->model, &error));
+        APP_FILE(self, path, lg_recipe_load, NULL, &lg_recipe_machine_model, &out->model);
         const lg_machine_model_run *run = &out->model.run;
-        APP_MUST_FILE(
-            self, path,
-            lg_machine_file_parse(self->context, path, run->text, strlen(run->text), &out->file, &error));
+        APP_FILE(self, path, lg_machine_file_parse, run->text, strlen(run->text), &out->file);
         out->machine = run->machine, out->scheme = scheme_of(run->scheme), out->row = run->dt;
         memcpy(out->delay, run->delay, sizeof out->delay);
         stick(self, out);
         return true;
     }
-    APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &out->file, &error));
+    APP_FILE(self, path, lg_machine_file_read, &out->file);
     check_known(self, path, &out->file.machine);
     out->machine = out->file.machine, out->scheme = lg_scheme_find("rkmk4");
     for (uint32_t l = 0; l < out->machine.input_count; l++) {
@@ -195,8 +191,7 @@ static lg_program *load_machine(const app *self, const char *path, const control
     if (lagged) name_lagged(self, path, &m->machine, task);
     for (uint32_t l = 0; l < m->machine.input_count && l < LG_POLICY_INPUTS; l++)
         task->dead_time[l] = m->delay[l] * (m->row > 0 ? m->row : task->period);
-    APP_MUST(self, lg_machine_program(self->context, &m->machine, m->model.theta, m->scheme, lagged, &program,
-                                      &error));
+    APP_DO(self, lg_machine_program, &m->machine, m->model.theta, m->scheme, lagged, &program);
     return program;
 }
 
@@ -263,7 +258,7 @@ static void draw_plants(const app *self, const char *path, double spread, size_t
     lg_rng_seed(&rng, self->seed, 1);
     for (size_t k = 0; k < draws; k++) {
         draw_theta(model, spread, slope, &rng, theta);
-        APP_MUST(self, lg_machine_program(self->context, machine, theta, m.scheme, true, &out[k], &error));
+        APP_DO(self, lg_machine_program, machine, theta, m.scheme, true, &out[k]);
     }
 }
 
@@ -283,8 +278,8 @@ static void find_rates(const app *self, lg_policy *policy, bool held, const doub
                        double *out) {
     lg_program *program = NULL;
     APP_MUST(self, lg_policy_add_rate(policy, &program, &error));
-    APP_MUST(self, lg_program_eval(self->context, program, held ? "advance_by_input" : "rate_by_input",
-                                   PLACES, (const double *const[]){z, u}, (double *const[]){out}, &error));
+    APP_DO(self, lg_program_eval, program, held ? "advance_by_input" : "rate_by_input", PLACES,
+           (const double *const[]){z, u}, (double *const[]){out});
 }
 
 void control_draw_error(const app *self, lg_policy *policy, const char *plant, bool held, const double *high,
@@ -346,7 +341,7 @@ static lg_program *load_program(const app *self, const char *path, lg_policy_tas
     lg_program *program = NULL;
     lg_space space;
     size_t states, step;
-    APP_MUST_FILE(self, path, lg_program_load(self->context, path, NULL, &program, &error));
+    APP_FILE(self, path, lg_program_load, NULL, &program);
     name_states(self, path, program, task, &states);
     APP_MUST(self, lg_space_init_rn(&space, states));
     if (lg_program_find(program, "step", &step, NULL) != LG_OK)
@@ -377,8 +372,7 @@ static char *beside(const char *path, const char *plant) {
 char *control_plant_path(const app *self, const char *path) {
     lg_policy_task task;
     char plant[512], *text = NULL;
-    APP_MUST_FILE(self, path,
-                  lg_policy_task_read(self->context, path, &task, plant, sizeof plant, &text, &error));
+    APP_FILE(self, path, lg_policy_task_read, &task, plant, sizeof plant, &text);
     free(text);
     return beside(path, plant);
 }
@@ -386,11 +380,10 @@ char *control_plant_path(const app *self, const char *path) {
 lg_program *control_read_task(const app *self, const char *path, lg_policy_task *task, char **text,
                               char **source, control_machine *keep) {
     char plant[512];
-    APP_MUST_FILE(self, path,
-                  lg_policy_task_read(self->context, path, task, plant, sizeof plant, text, &error));
+    APP_FILE(self, path, lg_policy_task_read, task, plant, sizeof plant, text);
     *source = beside(path, plant);
     lg_program *program = load_plant(self, *source, true, task, keep);
-    APP_MUST_FILE(self, path, lg_policy_task_parse(self->context, path, *text, task, &error));
+    APP_FILE(self, path, lg_policy_task_parse, *text, task);
     keep->self = self;
     if (keep->scheme != NULL) task->soften = soften, task->soften_user = keep;
     return program;

@@ -77,9 +77,8 @@ static void find_states(const app *self, control_runs *runs) {
     runs->seen[0] = runs->runs.motion; /* a plant without velocities: its state is the positions */
     for (int k = 0; k < 2 && runs->numbers[1] > 0; k++) {
         runs->seen[k] = app_keep(rows * runs->numbers[k], sizeof(double));
-        APP_MUST(self, lg_program_eval(self->context, lg_policy_program(runs->policy), names[k], rows,
-                                       (const double *const[]){runs->runs.motion},
-                                       (double *const[]){runs->seen[k]}, &error));
+        APP_DO(self, lg_program_eval, lg_policy_program(runs->policy), names[k], rows,
+               (const double *const[]){runs->runs.motion}, (double *const[]){runs->seen[k]});
     }
 }
 

@@ -53,28 +53,22 @@ static void save_state(const app *self, const lg_policy_trainer *trainer) {
     lg_file_writer *writer = NULL;
     lg_archive_writer archive;
     const lg_provenance provenance = app_provenance(self, self->seed);
-    APP_MUST_FILE(
-        self, path,
-        lg_file_writer_create(self->context, path, "policy-checkpoint", &provenance, &writer, &error));
-    lg_status status = lg_file_writer_archive(writer, "training", &archive);
-    lg_error error = {LG_OK, ""};
-    if (status == LG_OK) status = lg_policy_trainer_save(trainer, &archive, &error);
-    if (status == LG_OK) status = lg_file_writer_commit(writer, &error);
+    APP_FILE(self, path, lg_file_writer_create, "policy-checkpoint", &provenance, &writer);
+    APP_MUST_FILE(self, path, lg_file_writer_archive(writer, "training", &archive));
+    APP_MUST_FILE(self, path, lg_policy_trainer_save(trainer, &archive, &error));
+    APP_MUST_FILE(self, path, lg_file_writer_commit(writer, &error));
     lg_file_writer_destroy(writer);
-    app_must_file(self, status, &error, path);
     app_note(self, "stopped; the best policy so far is in %s; continue with --resume %s", values.out, path);
 }
 
 static void load_state(const app *self, lg_policy_trainer *trainer) {
     lg_file_reader *reader = NULL;
     lg_archive_reader archive;
-    lg_error error = {LG_OK, ""};
-    lg_status status =
-        lg_file_reader_create(self->context, values.resume, "policy-checkpoint", NULL, &reader, &error);
-    if (status == LG_OK) status = lg_file_reader_archive(reader, "training", &archive);
-    if (status == LG_OK) status = lg_policy_trainer_load(trainer, &archive, &error);
+    const char *path = values.resume;
+    APP_FILE(self, path, lg_file_reader_create, "policy-checkpoint", NULL, &reader);
+    APP_MUST_FILE(self, path, lg_file_reader_archive(reader, "training", &archive));
+    APP_MUST_FILE(self, path, lg_policy_trainer_load(trainer, &archive, &error));
     lg_file_reader_destroy(reader);
-    app_must_file(self, status, &error, values.resume);
 }
 
 /* ---- the command ---- */
@@ -88,19 +82,17 @@ lg_policy_outcome control_evaluate(const app *self, const lg_policy *policy, lg_
 
 static void put_success(app_json *out, const lg_policy_outcome *o) {
     const double interval[] = {o->success_low, o->success_high};
-    app_result_real(out, "success", (double)o->succeeded / (double)o->starts, "share of the starts");
-    app_result_reals(out, "success_interval", interval, 2, "95 %");
+    APP_PUT(out, APP_REAL("success", (double)o->succeeded / (double)o->starts, "share of the starts"),
+            APP_REALS("success_interval", interval, 2, "95 %"));
 }
 
 void control_tell_outcome(app_json *out, const char *key, const char *heading, const lg_policy_outcome *o) {
     if (heading != NULL) app_result_line(out, "%s:", heading);
     if (key != NULL) app_json_open(out, key, '{');
-    app_result_size(out, "starts", o->starts, NULL);
-    app_result_size(out, "succeeded", o->succeeded, NULL);
+    APP_PUT(out, APP_WHOLE("starts", o->starts, NULL), APP_WHOLE("succeeded", o->succeeded, NULL));
     put_success(out, o);
-    app_result_real(out, "cost_mean", o->cost_mean, NULL);
-    app_result_real(out, "cost_median", o->cost_median, NULL);
-    app_result_real(out, "saturated", o->saturated, "share of the periods with an input at a limit");
+    APP_PUT(out, APP_REAL("cost_mean", o->cost_mean, NULL), APP_REAL("cost_median", o->cost_median, NULL),
+            APP_REAL("saturated", o->saturated, "share of the periods with an input at a limit"));
     if (key != NULL) app_json_close(out, '}');
 }
 
@@ -177,12 +169,10 @@ static void report(const app *self, const lg_policy *trained, control_machine *m
     app_result_real(out, "regulator_success", (double)regulator.succeeded / (double)regulator.starts,
                     "share, the saturated regulator alone");
     if (disturbed) control_tell_outcome(out, "disturbed", "with the disturbances of the task", &rough);
-    app_result_size(out, "parameters", lg_policy_parameters(policy), NULL);
-    app_result_size(out, "substeps", lg_policy_task_of(trained)->substeps, "of the integrator in a period");
-    app_result_real(out, "seconds", result->seconds, NULL);
-    app_result_size(out, "seed", self->seed, NULL);
-    app_result_size(out, "winner", result->seed, "of the race");
-    app_result_text(out, "out", values.out, NULL);
+    APP_PUT(out, APP_WHOLE("parameters", lg_policy_parameters(policy), NULL),
+            APP_WHOLE("substeps", lg_policy_task_of(trained)->substeps, "of the integrator in a period"),
+            APP_REAL("seconds", result->seconds, NULL), APP_WHOLE("seed", self->seed, NULL),
+            APP_WHOLE("winner", result->seed, "of the race"), APP_TEXT("out", values.out, NULL));
     report_gap(self, policy, seed,
                values.seconds > 0 ? 0.2 * values.seconds : fmax(10, 0.2 * result->seconds), out);
     control_tell_robustness(policy, machine, values.robustness, out);
@@ -200,8 +190,7 @@ static void store(const app *self, const lg_policy *policy, const lg_policy_trai
                   control_machine *machine, const char *text, const lg_policy_train_result *result,
                   bool stopped) {
     const lg_provenance provenance = app_provenance(self, self->seed);
-    APP_MUST_FILE(self, values.out,
-                  lg_policy_save(self->context, values.out, policy, text, &provenance, &error));
+    APP_FILE(self, values.out, lg_policy_save, policy, text, &provenance);
     if (stopped)
         save_state(self, trainer);
     else
@@ -228,7 +217,7 @@ static void run(app *self) {
     const lg_policy_train_options settings = read_options(self);
     check_checkpoint(self);
     lg_program *plant = control_read_task(self, self->arguments[0], &task, &text, &source, &machine);
-    APP_MUST(self, lg_policy_create(self->context, &task, plant, self->seed, &policy, &error));
+    APP_DO(self, lg_policy_create, &task, plant, self->seed, &policy);
     warn(self, policy);
     control_add_draws(self, policy, source);
     APP_MUST(self, lg_policy_trainer_create(policy, &settings, &trainer, &error));

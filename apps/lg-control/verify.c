@@ -1,5 +1,4 @@
 /* lg-control verify: proves a certificate again. */
-#include <stdint.h>
 #include <string.h>
 
 #include "core/core.h"
@@ -60,20 +59,18 @@ static void tell(app *self, const lg_certificate *file, const lg_certify_result 
                  const char *reason) {
     const bool verified = reason[0] == '\0';
     app_json *out = self->out;
-    app_json_bool(out, "verified", verified);
-    app_json_bool(out, "converges", verified && r->converges);
-    app_result_text(out, "claim", r->claim, NULL);
+    APP_PUT(out, LG_AS_FLAG("verified", verified), LG_AS_FLAG("converges", verified && r->converges),
+            APP_TEXT("claim", r->claim, NULL));
     if (!verified) app_result_text(out, "reason", reason, NULL);
-    app_result_text(out, "plant", file->plant, file->plant_sha256);
-    app_result_text(out, "controller", file->controller, file->controller_sha256);
-    app_json_text(out, "plant_sha256", file->plant_sha256);
-    app_json_text(out, "controller_sha256", file->controller_sha256);
+    APP_PUT(out, APP_TEXT("plant", file->plant, file->plant_sha256),
+            APP_TEXT("controller", file->controller, file->controller_sha256),
+            LG_AS_TEXT("plant_sha256", file->plant_sha256),
+            LG_AS_TEXT("controller_sha256", file->controller_sha256));
     if (c->compared)
         APP_PUT(out, LG_AS_FLAG("same_plant", c->plant), LG_AS_FLAG("same_controller", c->controller),
                 LG_AS_FLAG("same_period", c->period));
-    app_result_real(out, "level", r->level, NULL);
-    app_result_size(out, "boxes", r->boxes, "examined");
-    app_result_real(out, "seconds", r->seconds, NULL);
+    APP_PUT(out, APP_REAL("level", r->level, NULL), APP_WHOLE("boxes", r->boxes, "examined"),
+            APP_REAL("seconds", r->seconds, NULL));
     if (!r->verified) tell_box(out, file, r);
     app_result_end(self);
     if (!verified) app_stop(self, LG_CHECK_FAILED, "not proved: %s", reason);
@@ -84,7 +81,7 @@ static void run(app *self) {
     lg_certify *certify = NULL;
     lg_certify_result r;
     const char *path = self->arguments[0];
-    APP_MUST_FILE(self, path, lg_certificate_load(self->context, path, &file, &error));
+    APP_FILE(self, path, lg_certificate_load, &file);
     APP_MUST_FILE(self, path, lg_certify_open(self->context, &file, (int)self->threads, &certify, &error));
     const comparison c =
         self->argument_count > 1 ? compare(self, &file, self->arguments[1]) : (comparison){.compared = false};

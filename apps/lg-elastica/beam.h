@@ -5,7 +5,6 @@
 
 #include "common/app.h"
 #include "elastica/elastica.h"
-#include "liegrad/settings.h"
 
 extern const app_command elastica_solve_command, elastica_generate_command, elastica_evaluate_command,
     elastica_predict_command;

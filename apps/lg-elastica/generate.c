@@ -52,18 +52,14 @@ static void report(const app *self, const lg_elastica_data *data, double seconds
         high = fmax(high, curves->energy[i]);
     }
     app_json *out = self->out;
-    app_result_text(out, "case", families_names[values.kind], NULL);
-    app_result_size(out, "curves", curves->count, NULL);
-    app_result_size(out, "intervals", curves->intervals, NULL);
-    app_result_text(out, "values", curves->continuous ? "continuous" : "discrete", NULL);
-    APP_PUT(out, LG_AS_REAL("length", curves->length), LG_AS_REAL("stiffness", curves->stiffness),
-            LG_AS_REAL("gap", values.gap));
-    app_result_real(out, "energy_min", low, NULL);
-    app_result_real(out, "energy_max", high, NULL);
-    app_json_size(out, "threads", self->threads);
-    app_json_text(out, "sha256", data->sha256);
-    app_result_text(out, "out", values.out, NULL);
-    app_result_real(out, "seconds", seconds, NULL);
+    APP_PUT(out, APP_TEXT("case", families_names[values.kind], NULL),
+            APP_WHOLE("curves", curves->count, NULL), APP_WHOLE("intervals", curves->intervals, NULL),
+            APP_TEXT("values", curves->continuous ? "continuous" : "discrete", NULL),
+            LG_AS_REAL("length", curves->length), LG_AS_REAL("stiffness", curves->stiffness),
+            LG_AS_REAL("gap", values.gap), APP_REAL("energy_min", low, NULL),
+            APP_REAL("energy_max", high, NULL), LG_AS_WHOLE("threads", self->threads),
+            LG_AS_TEXT("sha256", data->sha256), APP_TEXT("out", values.out, NULL),
+            APP_REAL("seconds", seconds, NULL));
 }
 
 static void run(app *self) {
@@ -78,10 +74,10 @@ static void run(app *self) {
     sampling.threads = (int)self->threads;
     sampling.problem = beam_problem(self);
     const double begin = app_seconds();
-    APP_MUST(self, lg_elastica_generate(self->context, &sampling, &data.curves, &error));
+    APP_DO(self, lg_elastica_generate, &sampling, &data.curves);
     const double seconds = app_seconds() - begin;
     data.provenance = app_provenance(self, self->seed);
-    APP_MUST_FILE(self, values.out, lg_elastica_data_write(self->context, values.out, &data, &error));
+    APP_FILE(self, values.out, lg_elastica_data_write, &data);
     app_plot_draw(self, 0, &data.curves);
     report(self, &data, seconds);
 }

@@ -28,8 +28,7 @@ static lg_elastica beam_of_model(const lg_surrogate_file *file, bool *known) {
 static lg_surrogate_curves *open_network(const app *self, const lg_surrogate_file *file, size_t points,
                                          void **work) {
     lg_surrogate_curves *curves;
-    APP_MUST(self, lg_surrogate_curves_create(self->context, &file->run.model, file->theta, LG_F64, points,
-                                              &curves, &error));
+    APP_DO(self, lg_surrogate_curves_create, &file->run.model, file->theta, LG_F64, points, &curves);
     *work = app_keep(lg_surrogate_curves_work_size(curves), 1);
     return curves;
 }
@@ -217,22 +216,20 @@ static void report_curve(const app *self, const prediction *p) {
     app_json *out = self->out;
     app_json_reals(out, "s", at->s, at->count);
     result_nodes(out, at, predict_given.s.count > 0);
-    app_json_reals(out, "boundary", p->x, 8);
-    app_result_real(out, "distance", p->beyond.largest, "from the nearest boundary conditions trained on");
-    app_result_real(out, "reach", p->beyond.reach, "largest distance among these");
-    app_result_real(out, "off_family", p->beyond.off, "from the family of boundary conditions trained on");
-    app_result_real(out, "spread", p->beyond.spread, "largest such distance among these");
-    app_json_bool(out, "inside", p->beyond.count == 0);
-    app_result_real(out, "seconds", p->seconds, NULL);
-    if (predict_given.solve) {
-        app_result_real(out, "max_error", p->max_error, "largest difference at the nodes");
-        app_result_real(out, "mse", p->mse, NULL);
-        app_result_real(out, "energy", p->stiff ? p->truth.solution.energy : NAN, NULL);
-        app_result_real(out, "rotation", p->truth.problem.rotation, NULL);
-        app_result_real(out, "solve_seconds", p->solve_seconds, NULL);
-    }
-    app_json_text(out, "network", lg_surrogate_kind_name(p->file.run.model.options.kind));
-    app_json_text(out, "out", predict_given.out);
+    APP_PUT(out, LG_AS_REALS("boundary", p->x, 8),
+            APP_REAL("distance", p->beyond.largest, "from the nearest boundary conditions trained on"),
+            APP_REAL("reach", p->beyond.reach, "largest distance among these"),
+            APP_REAL("off_family", p->beyond.off, "from the family of boundary conditions trained on"),
+            APP_REAL("spread", p->beyond.spread, "largest such distance among these"),
+            LG_AS_FLAG("inside", p->beyond.count == 0), APP_REAL("seconds", p->seconds, NULL));
+    if (predict_given.solve)
+        APP_PUT(out, APP_REAL("max_error", p->max_error, "largest difference at the nodes"),
+                APP_REAL("mse", p->mse, NULL),
+                APP_REAL("energy", p->stiff ? p->truth.solution.energy : NAN, NULL),
+                APP_REAL("rotation", p->truth.problem.rotation, NULL),
+                APP_REAL("solve_seconds", p->solve_seconds, NULL));
+    APP_PUT(out, LG_AS_TEXT("network", lg_surrogate_kind_name(p->file.run.model.options.kind)),
+            LG_AS_TEXT("out", predict_given.out));
 }
 
 /* The learned curve and, with --solve, the solution. */
@@ -247,8 +244,7 @@ static void put_prediction(app_plot *plot, const void *predicted) {
 static void run_predict(app *self) {
     prediction p = {.seconds = 0};
     const char *model = self->arguments[0];
-    APP_MUST_FILE(self, model,
-                  lg_recipe_load(self->context, model, NULL, &lg_recipe_surrogate, &p.file, &error));
+    APP_FILE(self, model, lg_recipe_load, NULL, &lg_recipe_surrogate, &p.file);
     read_where(self, &p);
     read_points(self, &p);
     p.beyond = lg_elastica_count_outside(&p.file, p.x, NULL, 1);

@@ -37,13 +37,12 @@ static void add_problem(app_json *out, const lg_elastica *problem) {
 
 static void add_curve(app_json *out, const beam_curve *curve) {
     const lg_elastica_solution *solution = &curve->solution;
-    app_result_real(out, "energy", solution->energy, NULL);
-    app_result_size(out, "negative_eigenvalues", solution->negative_eigenvalues,
-                    solution->negative_eigenvalues == 0 ? "minimum" : "saddle");
-    app_result_real(out, "gradient", solution->gradient, NULL);
-    app_result_real(out, "residual", solution->residual, NULL);
-    app_result_reals(out, "multiplier", solution->force, 2, "force");
-    app_result_real(out, "rotation", curve->problem.rotation, NULL);
+    APP_PUT(out, APP_REAL("energy", solution->energy, NULL),
+            APP_WHOLE("negative_eigenvalues", solution->negative_eigenvalues,
+                      solution->negative_eigenvalues == 0 ? "minimum" : "saddle"),
+            APP_REAL("gradient", solution->gradient, NULL), APP_REAL("residual", solution->residual, NULL),
+            APP_REALS("multiplier", solution->force, 2, "force"),
+            APP_REAL("rotation", curve->problem.rotation, NULL));
     result_nodes(out, &curve->at, false);
 }
 
@@ -60,9 +59,8 @@ static void report_curve(const app *self, const beam_curve *curve, double second
         app_json_reals(out, "lambda", lambda, inner);
     }
     add_problem(out, &curve->problem);
-    app_result_size(out, "iterations", curve->solution.iterations, "Newton steps");
-    app_json_size(out, "problems", curve->solution.problems);
-    app_result_real(out, "seconds", seconds, NULL);
+    APP_PUT(out, APP_WHOLE("iterations", curve->solution.iterations, "Newton steps"),
+            LG_AS_WHOLE("problems", curve->solution.problems), APP_REAL("seconds", seconds, NULL));
 }
 
 /* Warns if the energy differs by more than 5 % from the energy of the continuous beam. If the continuous beam
@@ -115,7 +113,7 @@ static void report_branches(const app *self, const beam_curves *found, const lg_
 static void solve_branches(const app *self, const boundary *where, const lg_elastica_options *options) {
     beam_curves found;
     const double begin = app_seconds();
-    APP_MUST(self, beam_branches(self->context, where, options, values.saddles, &found, &error));
+    APP_DO(self, beam_branches, where, options, values.saddles, &found);
     const double seconds = app_seconds() - begin;
     if (found.count == 0) app_stop(self, LG_NO_CONVERGENCE, "no equilibrium was found");
     if (found.full) app_warn(self, "there may be more branches than those listed");
@@ -145,8 +143,7 @@ typedef struct sweep {
     beam_curves *found; /* (points): the curves found at each x */
     size_t **branch;    /* (points): for each x, the branch number of each curve */
     double *x;
-    lg_status *status;
-    lg_error *error;
+    lg_error *error; /* with the status */
     size_t branches, count;
     sweep_point *rows; /* (count): by branch, then by x */
 } sweep;
@@ -154,13 +151,11 @@ typedef struct sweep {
 static void find(void *user, size_t i) {
     const sweep *s = user;
     boundary where = {.problem = *s->problem};
-    if (app_interrupted()) {
-        s->status[i] = LG_CANCELLED;
-        return;
-    }
+    s->error[i].status = LG_CANCELLED;
+    if (app_interrupted()) return;
     lg_elastica_set_case(&where.problem, (lg_elastica_case)beam_given.kind, s->x[i]);
     boundary_rotations(where.problem.theta0, where.problem.theta0 + where.problem.rotation, &where);
-    s->status[i] =
+    s->error[i].status =
         beam_branches(s->self->context, &where, s->options, values.saddles, &s->found[i], &s->error[i]);
     s->branch[i] = app_keep(s->found[i].count, sizeof *s->branch[i]);
 }
@@ -284,8 +279,9 @@ static void report_sweep(const sweep *s, double seconds) {
 
 static void check_found(const sweep *s, size_t i) {
     if (app_interrupted()) app_must(s->self, LG_CANCELLED, NULL);
-    if (s->status[i] != LG_OK)
-        app_stop(s->self, s->status[i], "x = %.9g: %s", s->x[i], app_sentence(s->status[i], &s->error[i]));
+    const lg_error *error = &s->error[i];
+    if (error->status != LG_OK)
+        app_stop(s->self, error->status, "x = %.9g: %s", s->x[i], app_sentence(error->status, error));
 }
 
 static void solve_sweep(const app *self, const lg_elastica *problem, const lg_elastica_options *options) {
@@ -297,7 +293,6 @@ static void solve_sweep(const app *self, const lg_elastica *problem, const lg_el
                .found = app_keep(n, sizeof *s.found),
                .branch = app_keep(n, sizeof *s.branch),
                .x = app_keep(n, sizeof *s.x),
-               .status = app_keep(n, sizeof *s.status),
                .error = app_keep(n, sizeof *s.error)};
     const double begin = app_seconds();
     APP_MUST(self, lg_elastica_check(problem, &error));

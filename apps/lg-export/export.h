@@ -25,19 +25,22 @@
 
 #include "autodiff/program/program.h"
 #include "common/app.h"
-#include "core/text.h"
-#include "liegrad/files.h"
 #include "liegrad/integrators.h"
 #include "liegrad/program.h"
-#include "liegrad/settings.h"
 
 typedef lg_text text;
+
+/* Ends the command if the call fails; the message names the model's file. `job` has `self` and `source`. */
+#define EXPORT_MUST(job, call) APP_MUST_FILE((job)->self, (job)->source->options->file, call)
 
 /* ---- options and sources ---- */
 
 enum { EXPORT_UNITS = 256 };
 
+/* The options of the command, and what follows from them and the model. */
 typedef struct export_options {
+    const char *out, *scheme_name; /* As they were given. */
+    int target;
     const char *name;            /* A C identifier. */
     const char *file;            /* Name of the model's file, without its folder. */
     char sha256[LG_SHA256_TEXT]; /* SHA-256 of the model's file; "" if unknown. */
@@ -93,15 +96,36 @@ enum { EXPORT_MOST_RUNS = 2 };
  * inserted. */
 typedef struct export_source {
     const export_options *options;
+    union {
+        struct {
+            /* Lines for the head of NAME.h: description, inputs, units, order, data, error. They have no
+             * comment signs and may hold any bytes. */
+            text about;
+            text state, input; /* What the numbers of x and of u are, in words; may be empty. */
+            /* One name for each number of x and of u, each followed by a newline; may be empty. */
+            text places, inputs_each;
+            text range; /* Lines about the range of the training data; may be empty. */
+            text delay; /* "inputs act 2 rows of the log, ... later than they are logged"; may be empty. */
+            text sizes; /* "#define NAME_LINKS 1" and others, for NAME.h. */
+            text declarations; /* Prototypes with comments, besides NAME_eval and NAME_grad. */
+            text arrays;       /* `extern` declarations of the arrays, for NAME.c. */
+            text weights;      /* Definitions of the arrays, for NAME_weights.c. */
+            text code;         /* Enumerations, tables and fragments, for NAME.c. */
+            text test;         /* `extra` and its tables, for NAME_test.c, before code/frame/test_main.c. */
+            /* Of a bundle: fragments that follow the bundle's code; more code of the self-test, and its row
+             * of the table of functions. All may be empty. */
+            text further_code, further_test, further_row;
+            text products; /* What the Makefile builds besides the objects: names, each after a blank. */
+            text rules;    /* Rules that build these products, for the end of the Makefile. */
+        };
+        text texts[18]; /* all of these */
+    };
     size_t inputs, outputs;
     /* True for a program: its functions keep their own names, there is no NAME_eval or NAME_grad. All sizes
      * and golden vectors then stand in the texts `sizes` and `test`. */
     bool bundle;
-    size_t functions; /* Number of functions of a bundle. */
-    /* Of a bundle: fragments that follow the bundle's code; more code of the self-test, and its row of the
-     * table of functions. All may be empty. */
-    text further_code, further_test, further_row;
-    size_t further_size;                 /* The number of values in this row's output. */
+    size_t functions;                    /* Number of functions of a bundle. */
+    size_t further_size;                 /* The number of values in the output of further_row. */
     export_memory run[EXPORT_MOST_RUNS]; /* Of functions with a memory. */
     size_t runs;
     bool scene; /* The program was made from a scene, a text file. */
@@ -117,20 +141,6 @@ typedef struct export_source {
     size_t depth;
     /* 1, or the factor by which the model multiplies rounding errors; `about` explains the factor. */
     double condition;
-    /* Lines for the head of NAME.h: description, inputs, units, order, data, error. They have no comment
-     * signs and may hold any bytes. */
-    text about;
-    text state, input; /* What the numbers of x and of u are, in words; may be empty. */
-    /* One name for each number of x and of u, each followed by a newline; may be empty. */
-    text places, inputs_each;
-    text range;        /* Lines about the range of the training data; may be empty. */
-    text delay;        /* "inputs act 2 rows of the log, ... later than they are logged"; may be empty. */
-    text sizes;        /* "#define NAME_LINKS 1" and others, for NAME.h. */
-    text declarations; /* Prototypes with comments, besides NAME_eval and NAME_grad. */
-    text arrays;       /* `extern` declarations of the arrays, for NAME.c. */
-    text weights;      /* Definitions of the arrays, for NAME_weights.c. */
-    text code;         /* Enumerations, tables and fragments, for NAME.c. */
-    text test; /* The function `extra` and its tables, for NAME_test.c, before code/frame/test_main.c. */
     export_golden golden;
     char fragments[4096]; /* Names of the fragments that are already added, each between blanks. */
     size_t parameters;    /* Number of the model's parameters; 0: `numbers` is reported instead. */
@@ -142,11 +152,9 @@ typedef struct export_source {
      * NULL. */
     double *start;
     size_t starts, tunable;
-    double step;   /* Time between two points of the training data; 0: unknown. */
-    double stop;   /* End time of the scene; 0: unknown. */
-    bool single;   /* True: the target chose single precision by itself. */
-    text products; /* What the Makefile builds besides the objects: names, each after a blank. */
-    text rules;    /* Rules that build these products, for the end of the Makefile. */
+    double step; /* Time between two points of the training data; 0: unknown. */
+    double stop; /* End time of the scene; 0: unknown. */
+    bool single; /* True: the target chose single precision by itself. */
     size_t file_count;
     export_file files[EXPORT_MOST_FILES];
 } export_source;

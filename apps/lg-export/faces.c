@@ -158,7 +158,7 @@ static void make_golden(export_model *m) {
     const char *name = NULL;
     for (size_t i = 0; i < m->face_count; i++)
         if (m->faces[i]->extra_name != NULL) name = m->faces[i]->extra_name;
-    if (m->window.channels > 0)
+    if (m->window.names.channels > 0)
         export_window_golden(m->source, m->extras, name);
     else
         export_golden_make(m->source, export_has(m, &export_face_value), m->extras, name);
@@ -194,7 +194,7 @@ static lg_status measure_condition(export_model *m, lg_error *error) {
     static const char *const names[] = {"value", "grad", "field", "step"};
     const export_golden *golden = &m->source->golden;
     const bool kinks = m->kind->kinks != NULL && m->kind->kinks(m->file->contents);
-    const size_t n = m->source->inputs, count = golden->count + (m->window.channels > 0 ? WINDOWS : 0);
+    const size_t n = m->source->inputs, count = golden->count + (m->window.names.channels > 0 ? WINDOWS : 0);
     APP_FREE double *x = app_alloc(count * (n + m->forces + 1), sizeof *x),
                     *drawn = app_alloc(count * n, sizeof *drawn);
     lg_status status = LG_OK;
@@ -221,14 +221,13 @@ static lg_status measure_condition(export_model *m, lg_error *error) {
 /* ---- the export ---- */
 
 static void write_model(export_model *m) {
-    lg_error error = {LG_OK, ""};
     add_code(m);
     const lg_status status = add_golden(m);
     if (status != LG_OK)
         app_stop(m->self, status == LG_NOT_FINITE ? LG_FILE : status,
                  "%s: golden vectors of its field and step: %s", m->source->options->file,
                  lg_status_sentence(status));
-    app_must_file(m->self, measure_condition(m, &error), &error, m->source->options->file);
+    EXPORT_MUST(m, measure_condition(m, &error));
     m->kind->tell(m);
     export_warn_delay(m->self, m->source);
 }
@@ -252,7 +251,7 @@ static void measure(export_model *m) {
     m->positions = state.ins > 1 ? lg_shape_count(state.in[0].shape) : 0;
     m->velocities = state.ins > 1 ? lg_shape_count(state.in[1].shape) : 0;
     if (m->kind->window != NULL) m->kind->window(m->file->contents, &m->window);
-    m->window.classes = (uint32_t)export_numbers(chances.out, chances.outs > 0);
+    m->window.names.classes = (uint32_t)export_numbers(chances.out, chances.outs > 0);
 }
 
 /* Checks the scheme and the model before the program is made. */

@@ -6,7 +6,6 @@
 #define LG_EXPORT_FACES_H
 
 #include "lg-export/window.h"
-#include "liegrad/core.h"
 #include "liegrad/model.h"
 
 typedef struct export_kind export_kind;

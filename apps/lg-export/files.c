@@ -232,8 +232,7 @@ typedef struct place {
     const char *parent; /* The folder that contains `out`. */
     bool replace;       /* True: `out` is a folder that already has files. */
     bool earlier;       /* some files replace earlier ones */
-    lg_temporary holds;
-    const char *temporary; /* The folder in which the files are written first; NULL until it exists. */
+    lg_temporary holds; /* The folder in which the files are written first. */
 } place;
 
 static lg_status place_error(const place *at, const char *what, int code, lg_error *error) {
@@ -275,18 +274,15 @@ static bool is_ours(const place *at, size_t file, const char *path) {
 static lg_status look_at(place *at, size_t file, lg_error *error) {
     struct stat information;
     APP_FREE char *path = app_format("%s/%s", at->out, at->source->files[file].name);
-    lg_status status = LG_OK;
-    if (lstat(path, &information) == 0) {
-        at->earlier = true;
-        if (!S_ISREG(information.st_mode))
-            status = lg_fail(error, LG_FILE, "%s: exists and is not a regular file", path);
-        else if (!is_ours(at, file, path))
-            status = lg_fail(error, LG_FILE,
-                             "%s: exists and was not written by lg-export for the name %s: choose another "
-                             "folder for each model",
-                             path, at->source->options->name);
-    }
-    return status;
+    if (lstat(path, &information) != 0) return LG_OK;
+    at->earlier = true;
+    if (!S_ISREG(information.st_mode))
+        return lg_fail(error, LG_FILE, "%s: exists and is not a regular file", path);
+    if (is_ours(at, file, path)) return LG_OK;
+    return lg_fail(error, LG_FILE,
+                   "%s: exists and was not written by lg-export for the name %s: choose another folder for "
+                   "each model",
+                   path, at->source->options->name);
 }
 
 /* Checks that the folder exists in which `out` is to be made. */
@@ -305,19 +301,14 @@ static lg_status look(place *at, lg_error *error) {
         return errno == ENOENT ? LG_OK : place_error(at, "cannot be written", errno, error);
     if (!S_ISDIR(information.st_mode)) return place_error(at, "cannot be written", ENOTDIR, error);
     at->replace = !is_empty_folder(at->out);
-    for (size_t i = 0; i < at->source->file_count && at->replace; i++) {
-        const lg_status status = look_at(at, i, error);
-        if (status != LG_OK) return status;
-    }
+    for (size_t i = 0; i < at->source->file_count && at->replace; i++) LG_TRY(look_at(at, i, error));
     return LG_OK;
 }
 
 /* Makes the temporary folder: inside `out` if `out` keeps its other files, otherwise next to it. */
 static lg_status make_temporary(const app *self, place *at, lg_error *error) {
     APP_FREE char *target = app_format("%s%s", at->out, at->replace ? "/" : "");
-    const lg_status status = lg_temporary_create(self->context, target, true, &at->holds, error);
-    if (status == LG_OK) at->temporary = at->holds.name;
-    return status;
+    return lg_temporary_create(self->context, target, true, &at->holds, error);
 }
 
 /* From the first write on (this function to remove_temporary), nothing may allocate: a program that stops
@@ -350,7 +341,7 @@ static lg_status rename_files(place *at, lg_error *error) {
         const char *name = at->source->files[i].name;
         if (renameat(at->holds.fd, name, out, name) != 0) code = errno;
     }
-    if (code == 0) (void)rmdir(at->temporary);
+    if (code == 0) (void)rmdir(at->holds.name);
     if (out >= 0) (void)fsync(out);
     if (out >= 0) (void)close(out);
     return code == 0 ? LG_OK : place_error(at, "cannot be written", code, error);
@@ -358,27 +349,26 @@ static lg_status rename_files(place *at, lg_error *error) {
 
 static lg_status rename_folder(place *at, lg_error *error) {
     struct stat old;
-    if (stat(at->out, &old) == 0) (void)chmod(at->temporary, old.st_mode & 07777);
+    if (stat(at->out, &old) == 0) (void)chmod(at->holds.name, old.st_mode & 07777);
     return lg_temporary_publish(&at->holds, at->out, error);
 }
 
 static void remove_temporary(place *at) {
-    if (at->temporary == NULL) return;
     for (size_t i = 0; i < at->source->file_count; i++)
         (void)unlinkat(at->holds.fd, at->source->files[i].name, 0);
-    (void)rmdir(at->temporary);
+    (void)rmdir(at->holds.name);
 }
 
 static lg_status put(const app *self, place *at, lg_error *error) {
-    lg_status status = look_above(at, error);
-    if (status == LG_OK) status = app_claim(self, at->out, error);
-    if (status == LG_OK) status = look(at, error);
-    if (status == LG_OK && at->earlier) app_say_replaces(self, at->out);
-    if (status == LG_OK) status = make_temporary(self, at, error);
-    if (status == LG_OK) status = write_files(at, error);
+    LG_TRY(look_above(at, error));
+    LG_TRY(app_claim(self, at->out, error));
+    LG_TRY(look(at, error));
+    if (at->earlier) app_say_replaces(self, at->out);
+    LG_TRY(make_temporary(self, at, error));
+    lg_status status = write_files(at, error);
     if (status == LG_OK) status = at->replace ? rename_files(at, error) : rename_folder(at, error);
     if (status != LG_OK) remove_temporary(at);
-    if (at->temporary != NULL) lg_temporary_end(&at->holds);
+    lg_temporary_end(&at->holds);
     return status;
 }
 

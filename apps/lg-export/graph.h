@@ -5,7 +5,6 @@
 #define LG_EXPORT_GRAPH_H
 
 #include "lg-export/export.h"
-#include "liegrad/program.h"
 
 typedef struct graph_node {
     lg_operation op; /* Its inputs are indices of nodes of this graph. */

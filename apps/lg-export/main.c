@@ -5,16 +5,7 @@
 #include "lg-export/faces.h"
 #include "liegrad/policy.h"
 
-typedef struct export_values {
-    const char *out, *name, *scheme, *functions;
-    bool compact;
-    int dtype, target;
-    lg_reals sensor, drift;
-    double forget;
-    uint64_t golden;
-} export_values;
-
-static export_values given;
+static export_options given;
 
 /* The rows of all targets (export_target_NAME), each in its own file; the first target is plain C. */
 #define EXPORT_TARGET_LIST(ROW)                                                                              \
@@ -30,48 +21,49 @@ const export_target export_target_c = {.build = NULL};
 static const char *const dtypes[] = {"f64", "f32", NULL};
 
 static const lg_field options[] = {
-    APP_OUT(export_values, "DIR",
+    APP_OUT(export_options, "DIR",
             "Folder for the files (required); it is made if it does not exist, but its parent folder must "
             "exist. A folder with a file of these names is rejected, unless lg-export wrote the file for "
             "the same NAME: each model needs its own folder"),
-    LG_OPTION(export_values, name, STRING, "NAME",
+    LG_OPTION(export_options, name, STRING, "NAME",
               "Name of the functions and files (default: the model file's name as a C identifier)"),
-    APP_DTYPE(export_values, "Type of the numbers in the code: f64 (default) or f32", .names = dtypes),
+    APP_DTYPE(export_options, "Type of the numbers in the code: f64 (default) or f32", .names = dtypes),
     LG_OPTION(
-        export_values, target, NAME, NULL,
+        export_options, target, NAME, NULL,
         "What reads the result: c (default), C99 sources; casadi, libNAME.so for casadi.external with first "
         "and second derivatives; fmu2 and fmu3, NAME.fmu for model exchange and co-simulation. make builds "
         "them in the folder. simulink, C Function blocks and an S-function; onnx, NAME.onnx of one function "
         "(default value); safetensors, the weights; package, C with CMakeLists.txt and package.xml for CMake "
         "and ROS 2",
         .names = target_names),
-    APP_SCHEME(
-        export_values, "NAME",
-        "Hamiltonians and machines: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML file "
-        "(default: the family's; of a machine that of its training)"),
+    LG_FIELD(
+        export_options, NULL, "scheme", STRING, scheme_name, .unit = "NAME",
+        .meaning =
+            "Hamiltonians and machines: the scheme of NAME_step, a name of liegrad/integrators.h or a YAML "
+            "file (default: the family's; of a machine that of its training)"),
     LG_OPTION(
-        export_values, functions, STRING, "NAMES",
+        export_options, functions, STRING, "NAMES",
         "Programs, and all models for another target than c: functions to export, separated by commas "
         "(default: all; of models value, field, velocity, step). Models that move, in C: linearise adds "
         "NAME_linearise, which takes several times the code and work memory. Controllers: default control; "
         "observe adds an observer for plants of which positions alone are measured, adapt finds friction and "
         "payloads"),
     LG_OPTION(
-        export_values, sensor, REALS, "S[,S...]",
+        export_options, sensor, REALS, "S[,S...]",
         "Controllers with --functions observe: standard deviation of the measured positions, one for all or "
         "one each, in the log's units (default 0.001)",
         .option = "noise", .high = 1e300, .above = true, .most = LG_POLICY_COORDINATES),
     LG_OPTION(
-        export_values, drift, REALS, "S[,S...]",
+        export_options, drift, REALS, "S[,S...]",
         "Controllers with --functions observe: by how much velocities stray from the machine's in a second "
         "(default 0.1)",
         .high = 1e300, .above = true, .most = LG_POLICY_COORDINATES),
-    LG_OPTION(export_values, forget, REAL, "SECONDS",
+    LG_OPTION(export_options, forget, REAL, "SECONDS",
               "Controllers with --functions adapt: time in which measurements are forgotten", LG_POSITIVE,
               .value = "10"),
-    LG_OPTION(export_values, compact, SWITCH, NULL,
+    LG_OPTION(export_options, compact, SWITCH, NULL,
               "Programs: write loops for small tensors too, not straight code; this gives less, slower code"),
-    LG_OPTION(export_values, golden, U64, "N", "Number of golden vectors of the self-test", .low = 1,
+    LG_OPTION(export_options, golden, U64, "N", "Number of golden vectors of the self-test", .low = 1,
               .high = 1000, .value = "8"),
     LG_FIELD_END};
 
@@ -111,22 +103,22 @@ static void unknown_scheme(const job *j) {
     for (size_t i = 0; i < lg_scheme_count(); i++)
         lg_text_add(&names, "%s%s", i > 0 ? ", " : "", lg_scheme_at(i)->name);
     app_stop_usage(j->self, "--scheme: '%s' is neither a file (.yaml, .yml, .json) nor one of %s",
-                   given.scheme, names.data);
+                   given.scheme_name, names.data);
 }
 
 static void choose_scheme(job *j) {
-    if (given.scheme == NULL) return;
-    j->options.scheme = lg_scheme_find(given.scheme);
+    if (given.scheme_name == NULL) return;
+    j->options.scheme = lg_scheme_find(given.scheme_name);
     if (j->options.scheme != NULL) return;
-    if (strchr(given.scheme, '/') == NULL && !is_text(given.scheme)) unknown_scheme(j);
-    APP_MUST_FILE(j->self, given.scheme, lg_scheme_read(j->self->context, given.scheme, &j->scheme, &error));
+    if (strchr(given.scheme_name, '/') == NULL && !is_text(given.scheme_name)) unknown_scheme(j);
+    APP_FILE(j->self, given.scheme_name, lg_scheme_read, &j->scheme);
     j->options.scheme = j->scheme;
 }
 
 /* ---- kinds of models ---- */
 
 static void refuse_scheme(const job *j) {
-    if (given.scheme != NULL)
+    if (given.scheme_name != NULL)
         app_stop_usage(j->self, "--scheme is for Hamiltonians and machines; %s is a %s", j->path, j->kind);
 }
 
@@ -229,9 +221,7 @@ static void build(job *j) {
         app_stop_usage(j->self,
                        "%s: a scene can be exported only with --target casadi, fmu2, fmu3 or simulink",
                        j->path);
-    if (!scene)
-        APP_MUST_FILE(j->self, j->path,
-                      lg_model_file_kind(j->self->context, j->path, NULL, own, sizeof own, &error));
+    if (!scene) APP_FILE(j->self, j->path, lg_model_file_kind, NULL, own, sizeof own);
     const bool classifier = strcmp(own, "classifier") == 0, policy = strcmp(own, "policy") == 0;
     if (!scene && lg_recipe_find(own) == NULL && !classifier) check_file(j, own);
     if (!scene) export_read_units(j->self, j->path, &j->options);
@@ -270,10 +260,9 @@ static void report(const job *j) {
     const size_t parameters = source->parameters > 0 ? source->parameters : source->numbers;
     const lg_scheme *scheme = j->options.scheme;
     app_json *out = j->self->out;
-    app_result_text(out, "name", j->name, NULL);
-    app_result_text(out, "kind", j->kind, NULL);
-    app_result_text(out, "dtype", dtypes[j->source.single ? 1 : given.dtype], NULL);
-    app_result_text(out, "scheme", scheme != NULL ? scheme->name : NULL, "of the step");
+    APP_PUT(out, APP_TEXT("name", j->name, NULL), APP_TEXT("kind", j->kind, NULL),
+            APP_TEXT("dtype", dtypes[j->source.single ? 1 : given.dtype], NULL),
+            APP_TEXT("scheme", scheme != NULL ? scheme->name : NULL, "of the step"));
     app_json_open(out, "files", '[');
     for (size_t i = 0; i < source->file_count; i++) {
         app_json_text(out, NULL, source->files[i].name);
@@ -283,16 +272,14 @@ static void report(const job *j) {
     if (source->bundle) {
         app_json_size(out, "functions", source->functions);
     } else {
-        app_json_size(out, "inputs", source->inputs);
-        app_json_size(out, "outputs", source->outputs);
+        APP_PUT(out, LG_AS_WHOLE("inputs", source->inputs), LG_AS_WHOLE("outputs", source->outputs));
     }
-    app_result_size(out, "parameters", parameters, NULL);
-    app_result_size(out, "weights_bytes", source->numbers * real_bytes(j) + source->integer_bytes, NULL);
-    app_json_size(out, "work_size", source->work);
-    app_result_size(out, "work_bytes", source->work * real_bytes(j), NULL);
-    app_result_size(out, "stack_size", source->stack, "bytes at most");
-    app_result_size(out, "depth", source->depth, NULL);
-    app_result_real(out, "tolerance", export_tolerance(source), "of the self-test; make test runs it");
+    APP_PUT(out, APP_WHOLE("parameters", parameters, NULL),
+            APP_WHOLE("weights_bytes", source->numbers * real_bytes(j) + source->integer_bytes, NULL),
+            LG_AS_WHOLE("work_size", source->work),
+            APP_WHOLE("work_bytes", source->work * real_bytes(j), NULL),
+            APP_WHOLE("stack_size", source->stack, "bytes at most"), APP_WHOLE("depth", source->depth, NULL),
+            APP_REAL("tolerance", export_tolerance(source), "of the self-test; make test runs it"));
 }
 
 /* Warns about numbers that become 0 or lose digits in single precision: otherwise the result would be wrong
@@ -308,16 +295,8 @@ static void warn_lost(const job *j) {
 }
 
 static void export_run(app *self) {
-    job j = {.self = self,
-             .path = self->arguments[0],
-             .options = {.dtype = given.dtype == 1 ? LG_F32 : LG_F64,
-                         .sensor = given.sensor,
-                         .drift = given.drift,
-                         .forget = given.forget,
-                         .golden = given.golden,
-                         .seed = self->seed,
-                         .functions = given.functions,
-                         .compact = given.compact}};
+    job j = {.self = self, .path = self->arguments[0], .options = given};
+    j.options.seed = self->seed;
     export_source_begin(&j.source, &j.options);
     if (given.out == NULL || given.out[0] == '\0')
         app_stop_usage(self, "--out is missing: give a folder for the files");

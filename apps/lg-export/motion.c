@@ -1,7 +1,6 @@
 /* Faces of models that move: field and step, the state from positions and velocities of a log, and the
  * linearisation. They use functions of the model's program; code/hamiltonian and code/machine hold the code
  * around these functions. */
-#include <stdlib.h>
 
 #include "lg-export/faces.h"
 
@@ -179,17 +178,15 @@ static lg_status take_steps(export_model *m, size_t at) {
 static lg_status motion_golden(export_model *m, size_t at) {
     export_source *source = m->source;
     const export_golden *golden = &source->golden;
-    lg_status status = LG_OK;
     for (size_t k = 0; k < m->forces; k++)
         m->input[k] = export_round(source->options, m->kind->draw_input != NULL
                                                         ? m->kind->draw_input(m, k)
                                                         : lg_rng_uniform_in(&m->rng, -1.0, 1.0));
-    for (size_t i = 0; i < golden->count && status == LG_OK; i++)
-        status =
-            lg_model_field(m->file->model, golden->x + i * m->dim, m->input, export_extra(m, at, i), m->work);
+    for (size_t i = 0; i < golden->count; i++)
+        LG_TRY(lg_model_field(m->file->model, golden->x + i * m->dim, m->input, export_extra(m, at, i),
+                              m->work));
     m->h = golden_step(m, at);
-    if (status == LG_OK) status = take_steps(m, at);
-    if (status != LG_OK) return status;
+    LG_TRY(take_steps(m, at));
     export_real(source, &source->test, "golden_step", m->h);
     export_reals(source, &source->test, "golden_input", m->input, m->forces > 0 ? m->forces : 1);
     export_test_code(source, "test_motion");

@@ -19,10 +19,6 @@ static const char reserved[] =
     "stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string strings tgmath threads time "
     "uchar unistd wchar wctype ";
 
-static bool is_letter(char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
-}
-
 /* Returns whether a word of the text begins with `name` and _. */
 static bool begins_a_word(const char *name, const char *code) {
     const size_t length = strlen(name);
@@ -35,7 +31,7 @@ const char *export_name_problem(const char *name) {
     char word[LONGEST + 3];
     const size_t length = strlen(name);
     if (length == 0 || length > LONGEST) return "it must have 1 to 40 characters";
-    if (!is_letter(name[0])) return "it must begin with a letter";
+    if (!lg_in_word(name[0]) || strchr("0123456789_", name[0]) != NULL) return "it must begin with a letter";
     for (const char *s = name; *s != '\0'; s++)
         if (!lg_in_word(*s)) return "it may have only letters, digits and _";
     if (strstr(name, "__") != NULL || name[length - 1] == '_') return "__ and a _ at the end are reserved";

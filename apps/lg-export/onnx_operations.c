@@ -1,6 +1,5 @@
 /* The operations of the library in ONNX: one row per operation in the table at the end of this file. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lg-export/onnx.h"

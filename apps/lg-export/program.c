@@ -6,9 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "liegrad/core.h"
-#include "liegrad/program.h"
-
 enum { GOLDEN_STREAM = 11, CONDITION_POINTS = 64 };
 
 /* Most operations that one run of a plan may take. All points of a self-test together then take seconds. */
@@ -21,10 +18,6 @@ typedef struct job {
     lg_c_source *c;
     double condition; /* Condition of the function that is being written. */
 } job;
-
-static void must(const job *j, lg_status status, const lg_error *error) {
-    app_must_file(j->self, status, error, j->source->options->file);
-}
 
 /* ---- random inputs ---- */
 
@@ -188,7 +181,7 @@ static void find_condition(job *j, const export_evaluation *e, size_t function, 
                          "%s: function '%s' gives numbers that are not finite in single precision, at random "
                          "points of its inputs: export it with --dtype f64",
                          j->source->options->file, lg_program_function_name(j->program, function));
-    must(j, status, &error);
+    app_must_file(j->self, status, &error, j->source->options->file);
 }
 
 /* ---- the self-test ---- */
@@ -236,8 +229,7 @@ static void add_function(job *j, size_t index, text *table, size_t *largest) {
     const export_options *options = j->source->options;
     const char *name = lg_program_function_name(j->program, function);
     export_evaluation e;
-    lg_error error = {LG_OK, ""};
-    must(j, export_evaluation_open(j->program, function, LG_F64, SELF_TEST_WORK, &e, &error), &error);
+    EXPORT_MUST(j, export_evaluation_open(j->program, function, LG_F64, SELF_TEST_WORK, &e, &error));
     find_condition(j, &e, function, depth);
     const size_t ins = export_numbers(e.in, e.ins), outs = export_numbers(e.out, e.outs),
                  golden = (size_t)options->golden;
@@ -297,10 +289,8 @@ static void add_about(const job *j) {
 void export_file_provenance(const app *self, export_source *source, const char *path) {
     lg_file_reader *reader = NULL;
     lg_provenance provenance;
-    lg_error error = {LG_OK, ""};
     if (source->scene) return; /* a text file has no provenance */
-    const lg_status status = lg_file_reader_create(self->context, path, NULL, NULL, &reader, &error);
-    app_must_file(self, status, &error, path);
+    APP_FILE(self, path, lg_file_reader_create, NULL, NULL, &reader);
     lg_file_reader_provenance(reader, &provenance);
     export_provenance(source, &provenance, NULL);
     lg_file_reader_destroy(reader);
@@ -313,7 +303,6 @@ static void write_code(job *j, const export_names *functions) {
     APP_FREE size_t *chosen = app_alloc(all, sizeof *chosen);
     APP_FREE bool *hidden = app_alloc(all, sizeof *hidden);
     APP_FREE char **names = app_alloc(all, sizeof *names);
-    lg_error error = {LG_OK, ""};
     lg_c_options how;
     lg_c_options_init(&how);
     how.compact = j->source->options->compact;
@@ -331,7 +320,7 @@ static void write_code(job *j, const export_names *functions) {
         names[i] = app_format("%s%s%s", j->source->prefix, name, hidden[i] ? "_next" : "");
     }
     how.names = (const char *const *)names;
-    must(j, export_c(j->source, j->program, &how, 0, &j->c, &error), &error);
+    EXPORT_MUST(j, export_c(j->source, j->program, &how, 0, &j->c, &error));
     for (size_t i = 0; i < how.function_count; i++) free(names[i]);
 }
 
@@ -360,7 +349,7 @@ void export_whole(const app *self, const char *path, lg_program *program, const 
     job j = {.self = self, .source = source, .program = program};
     if (source->prefix == NULL) source->prefix = "";
     source->parameters = export_parameters(program);
-    must(&j, export_round_parameters(source, program), NULL);
+    EXPORT_MUST(&j, export_round_parameters(source, program));
     write_code(&j, functions);
     source->bundle = true;
     source->functions = j.c->functions;
@@ -379,7 +368,7 @@ void export_program(const app *self, const char *path, export_source *source) {
     lg_program *program;
     export_names functions;
     const bool given = source->options->functions != NULL;
-    APP_MUST_FILE(self, path, lg_program_load(self->context, path, NULL, &program, &error));
+    APP_FILE(self, path, lg_program_load, NULL, &program);
     if (given) export_choose(self, source->options, program, NULL, &functions);
     export_whole(self, path, program, given ? &functions : NULL, source);
     lg_program_destroy(program);

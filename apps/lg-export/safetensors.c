@@ -32,10 +32,9 @@ static void add_model(job *j, const app *self, const char *path) {
     char kind[64];
     lg_model_file file;
     lg_slice_info slice;
-    lg_error error = {LG_OK, ""};
     const double *values;
-    app_must_file(self, lg_model_file_kind(self->context, path, NULL, kind, sizeof kind, &error), &error,
-                  path);
+    APP_FILE(self, path, lg_model_file_kind, NULL, kind, sizeof kind);
+    lg_error error = {LG_OK, ""};
     const lg_status status = lg_model_load(self->context, path, NULL, &file, &error);
     if (lg_recipe_find(kind) != NULL) app_must_file(self, status, &error, path);
     if (app_had_memory(status) != LG_OK) return;

@@ -88,7 +88,7 @@ static void take_values(const recording *r, const lg_scene *scene, export_source
 void export_load_scene(const app *self, const char *path, bool tunable, export_source *source,
                        lg_program **out) {
     lg_scene scene;
-    APP_MUST_FILE(self, path, lg_scene_read(self->context, path, "hamiltonian", &scene, &error));
+    APP_FILE(self, path, lg_scene_read, "hamiltonian", &scene);
     recording r = {.system = scene.system, .scheme = source->options->scheme};
     source->scene = true;
     const size_t count = lg_system_parameter_count(scene.system);

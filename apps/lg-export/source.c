@@ -3,7 +3,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -145,9 +144,7 @@ static void read_units(const lg_archive_reader *archive, const char *name, char 
 void export_read_units(const app *self, const char *path, export_options *options) {
     lg_file_reader *reader = NULL;
     lg_archive_reader archive;
-    lg_error error = {LG_OK, ""};
-    app_must_file(self, lg_file_reader_create(self->context, path, NULL, NULL, &reader, &error), &error,
-                  path);
+    APP_FILE(self, path, lg_file_reader_create, NULL, NULL, &reader);
     if (app_had_memory(lg_file_reader_archive(reader, "model", &archive)) == LG_OK) {
         read_units(&archive, "input_units", options->input_units);
         read_units(&archive, "output_units", options->output_units);
@@ -178,28 +175,13 @@ void export_provenance(export_source *source, const lg_provenance *provenance, c
         lg_text_add(&source->about, "%-12s  %llu\n", "seed", (unsigned long long)provenance->seed);
 }
 
-/* Offsets of all texts in an export_source. */
-static const size_t texts[] = {offsetof(export_source, about),        offsetof(export_source, range),
-                               offsetof(export_source, state),        offsetof(export_source, input),
-                               offsetof(export_source, places),       offsetof(export_source, inputs_each),
-                               offsetof(export_source, delay),        offsetof(export_source, sizes),
-                               offsetof(export_source, declarations), offsetof(export_source, arrays),
-                               offsetof(export_source, weights),      offsetof(export_source, code),
-                               offsetof(export_source, further_code), offsetof(export_source, further_row),
-                               offsetof(export_source, further_test), offsetof(export_source, test),
-                               offsetof(export_source, products),     offsetof(export_source, rules)};
-
-static text *text_of(export_source *source, size_t i) {
-    return (text *)(void *)((char *)source + texts[i]);
-}
-
 void export_source_begin(export_source *source, const export_options *options) {
     *source = (export_source){.options = options, .condition = 1};
-    for (size_t i = 0; i < LG_COUNT(texts); i++) *text_of(source, i) = app_text();
+    for (size_t i = 0; i < LG_COUNT(source->texts); i++) source->texts[i] = app_text();
 }
 
 void export_source_free(export_source *source) {
-    for (size_t i = 0; i < LG_COUNT(texts); i++) lg_text_destroy(text_of(source, i));
+    for (size_t i = 0; i < LG_COUNT(source->texts); i++) lg_text_destroy(&source->texts[i]);
     for (size_t i = 0; i < source->file_count; i++) {
         free(source->files[i].name);
         lg_text_destroy(&source->files[i].content);

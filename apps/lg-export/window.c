@@ -3,18 +3,18 @@
 #include <math.h>
 
 #include "lg-export/faces.h"
-#include "liegrad/series.h"
 
 /* ---- code ---- */
 
 static void add_names(export_source *source, const export_window *window) {
     const char *name = source->options->name;
     lg_text_add(&source->code, "\nconst char *const %s_class_names[%s_CLASSES] = {\n", name, name);
-    for (uint32_t i = 0; i < window->classes; i++) {
+    for (uint32_t i = 0; i < window->names.classes; i++) {
         char number[16];
         (void)snprintf(number, sizeof number, "%u", i);
         lg_text_add(&source->code, "    ");
-        lg_text_add_literal(&source->code, window->class_name != NULL ? window->class_name[i] : number);
+        lg_text_add_literal(&source->code,
+                            window->names.class_name != NULL ? window->names.class_name[i] : number);
         lg_text_add(&source->code, ",\n");
     }
     lg_text_add(&source->code, "};\n");
@@ -22,29 +22,28 @@ static void add_names(export_source *source, const export_window *window) {
 
 /* Number of the class that means "all is well". */
 static uint32_t healthy_of(const export_window *window) {
-    const lg_series names = {.classes = window->classes, .class_name = window->class_name};
-    return window->healthy != NULL ? lg_series_healthy(&names, window->healthy) : LG_NO_CLASS;
+    return window->healthy != NULL ? lg_series_healthy(&window->names, window->healthy) : LG_NO_CLASS;
 }
 
 static void add_window(export_source *source, const export_window *window) {
-    export_size(source, "CHANNELS", window->channels, "signals of a window");
-    export_size(source, "LENGTH", window->length, "samples of each");
-    export_size(source, "CLASSES", window->classes, NULL);
+    export_size(source, "CHANNELS", window->names.channels, "signals of a window");
+    export_size(source, "LENGTH", window->names.length, "samples of each");
+    export_size(source, "CLASSES", window->names.classes, NULL);
     lg_text_add(&source->sizes, "#define %s_RATE ", source->options->name);
-    lg_text_add_real(&source->sizes, LG_F64, window->rate);
+    lg_text_add_real(&source->sizes, LG_F64, window->names.rate);
     lg_text_add(&source->sizes, " /* samples per second of the training data%s */\n",
-                window->rate > 0 ? "" : ", not known");
+                window->names.rate > 0 ? "" : ", not known");
     if (window->healthy != NULL && window->healthy[0] != '\0')
         lg_text_add(&source->sizes, "#define %s_HEALTHY %u /* the class that means that all is well */\n",
                     source->options->name, healthy_of(window));
 }
 
 void export_window_code(export_source *source, const export_window *window) {
-    const char *name = source->options->name, *what = window->channels > 0 ? "window" : "row";
-    if (window->channels > 0)
+    const char *name = source->options->name, *what = window->names.channels > 0 ? "window" : "row";
+    if (window->names.channels > 0)
         add_window(source, window);
     else
-        export_size(source, "CLASSES", window->classes, NULL);
+        export_size(source, "CLASSES", window->names.classes, NULL);
     add_names(source, window);
     lg_text_add(&source->declarations,
                 "/* The class of a %s, a number below %s_CLASSES, with the %s of all classes\n"
@@ -76,24 +75,24 @@ void export_window_words(export_source *source, const export_window *window) {
     lg_text_add(to,
                 "inputs x (%llu): a window of %u channels and %u samples each, x[channel * %u + "
                 "sample].\nThe window is as recorded: the code scales it.\n",
-                (unsigned long long)window->channels * window->length, window->channels, window->length,
-                window->length);
-    for (uint32_t i = 0; i < window->channels; i++)
+                (unsigned long long)window->names.channels * window->names.length, window->names.channels,
+                window->names.length, window->names.length);
+    for (uint32_t i = 0; i < window->names.channels; i++)
         lg_text_add(to, "  channel %-5u %s\n", i,
-                    window->channel_name != NULL && window->channel_name[i][0] != '\0'
-                        ? window->channel_name[i]
+                    window->names.channel_name != NULL && window->names.channel_name[i][0] != '\0'
+                        ? window->names.channel_name[i]
                         : "(no name)");
-    if (window->rate > 0)
-        lg_text_add(to, "Sampled at %.12g Hz: a window is %.6g s.\n", window->rate,
-                    window->length / window->rate);
+    if (window->names.rate > 0)
+        lg_text_add(to, "Sampled at %.12g Hz: a window is %.6g s.\n", window->names.rate,
+                    window->names.length / window->names.rate);
     export_units(source, "those of the training data, channel by channel");
     lg_text_add(to, "\n");
 }
 
 void export_window_score_words(text *to, const export_window *window) {
     const uint32_t healthy = healthy_of(window);
-    for (uint32_t i = 0; i < window->classes; i++)
-        lg_text_add(to, "  class %-7u %s%s\n", i, window->class_name[i],
+    for (uint32_t i = 0; i < window->names.classes; i++)
+        lg_text_add(to, "  class %-7u %s%s\n", i, window->names.class_name[i],
                     i != healthy                 ? ""
                     : window->healthy[0] == '\0' ? " (healthy, by its name)"
                                                  : " (healthy)");
@@ -139,16 +138,16 @@ bool export_window_clear(const double *score, uint32_t classes) {
 /* ---- the face ---- */
 
 static bool has_classes(const export_model *m) {
-    return m->window.classes > 1 && export_has(m, &export_face_value);
+    return m->window.names.classes > 1 && export_has(m, &export_face_value);
 }
 
 static void classes_code(export_model *m) {
     export_source *source = m->source;
-    const size_t scores = ((size_t)m->window.classes + 7) / 8 * 8,
+    const size_t scores = ((size_t)m->window.names.classes + 7) / 8 * 8,
                  classify = scores + export_work_of(m, "probability"), value = export_work_of(m, "value"),
                  most = value > classify ? value : classify;
     if (most > source->work) source->work = most;
-    if (m->window.channels > 0)
+    if (m->window.names.channels > 0)
         export_size(source, "EVAL_WORK_SIZE", most, "numbers of work that suffice for all but the gradient");
     export_constant(source, "AT_NET", scores);
     export_code(source, "detector_class");
@@ -158,14 +157,14 @@ static void classes_code(export_model *m) {
 }
 
 static size_t classes_extras(const export_model *m) {
-    return (size_t)m->window.classes + 1;
+    return (size_t)m->window.names.classes + 1;
 }
 
 /* Computes probabilities and class of golden vector v. Returns false if rounding could change the class. */
 static bool draw_classes(export_model *m, size_t v, double *extra) {
     export_evaluate(&m->probability, m->source->golden.x + v * m->source->inputs, extra);
-    extra[m->window.classes] = lg_metrics_class(extra, m->window.classes);
-    return export_window_clear(extra, m->window.classes);
+    extra[m->window.names.classes] = lg_metrics_class(extra, m->window.names.classes);
+    return export_window_clear(extra, m->window.names.classes);
 }
 
 const export_face export_face_classes = {.functions = {{"probability", "probability", false}},

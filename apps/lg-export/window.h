@@ -7,16 +7,13 @@
 #include "lg-export/export.h"
 
 typedef struct export_window {
-    uint32_t channels, length, classes;
+    lg_series names; /* Channels, length and classes with their names, and the rate; no samples. */
     /* Name of the class that means "all is well", as stored with the model; "" if unknown. NULL: the classes
      * of the model have no such meaning. */
     const char *healthy;
-    double rate;                          /* Samples per second; 0: unknown. */
-    char (*class_name)[LG_SERIES_NAME];   /* (classes) */
-    char (*channel_name)[LG_SERIES_NAME]; /* (channels); NULL: unknown. */
-    double accuracy, f1;                  /* On the test part; NaN: unknown. */
-    const char *scores;                   /* What the scores of the classes are; NULL: "probabilities". */
-    const char *score_words;              /* Lines about the scores for the comment of NAME_classify. */
+    double accuracy, f1;     /* On the test part; NaN: unknown. */
+    const char *scores;      /* What the scores of the classes are; NULL: "probabilities". */
+    const char *score_words; /* Lines about the scores for the comment of NAME_classify. */
 } export_window;
 
 /* Adds the sizes of the window to NAME.h, and adds NAME_classify and NAME_class_names. */

@@ -5,7 +5,6 @@
 #include "common/verbs.h"
 #include "files/csv.h"
 #include "liegrad/series.h"
-#include "nn/search.h"
 #include "table/files/recipe.h"
 
 enum { PANELS = 4, POINTS = 5000 };
@@ -163,10 +162,9 @@ static void write_rows(const app *self, const lg_table_file *file, const lg_tabl
 
 static void report_rows(const app *self, size_t rows, const counts *found) {
     app_json *out = self->out;
-    app_result_text(out, "out", app_common_given.out, NULL);
-    app_result_size(out, "rows", rows, NULL);
-    app_result_size(out, "incomplete", found->incomplete, "rows that lack an input");
-    app_result_size(out, "outside", found->outside, "rows beyond the training range");
+    APP_PUT(out, APP_TEXT("out", app_common_given.out, NULL), APP_WHOLE("rows", rows, NULL),
+            APP_WHOLE("incomplete", found->incomplete, "rows that lack an input"),
+            APP_WHOLE("outside", found->outside, "rows beyond the training range"));
 }
 
 static void run_predict(app *self) {
@@ -176,9 +174,9 @@ static void run_predict(app *self) {
     counts found = {0};
     if (self->json && app_common_given.out == NULL)
         app_stop_usage(self, "--json: give --out FILE; without it the predictions go to standard output");
-    APP_MUST_FILE(self, model, lg_recipe_load(self->context, model, NULL, &lg_recipe_table, &file, &error));
+    APP_FILE(self, model, lg_recipe_load, NULL, &lg_recipe_table, &file);
     const lg_table_names inputs = {file.run.model.net.inputs, file.input_name, NULL}, none = {.count = 0};
-    APP_MUST_FILE(self, path, lg_table_sheet_read(self->context, path, &inputs, &none, NULL, &table, &error));
+    APP_FILE(self, path, lg_table_sheet_read, &inputs, &none, NULL, &table);
     write_rows(self, &file, &table, &found);
     const size_t rows = table.data.rows;
     lg_table_data_destroy(&table.data);

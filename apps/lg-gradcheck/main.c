@@ -36,35 +36,11 @@ static bool wanted(const lg_gradcheck_case *row) {
     return false;
 }
 
-typedef lg_status (*visit_fn)(void *user, const lg_gradcheck_case *row);
-
-static lg_status visit_wanted(visit_fn visit, void *user, const lg_gradcheck_case *row) {
-    if (!wanted(row)) return LG_OK;
-    return app_interrupted() ? LG_CANCELLED : visit(user, row);
-}
-
-/* Calls visit(user, row) for all wanted rows, until one call does not return LG_OK. */
-static lg_status each_row(visit_fn visit, void *user) {
-    const lg_gradcheck_case *row;
-    lg_status status = LG_OK;
-    for (size_t i = 0; status == LG_OK && (row = lg_gradcheck_case_at(i)) != NULL; i++)
-        status = visit_wanted(visit, user, row);
-    return status;
-}
-
-/* What is left after --only. */
-typedef struct extent {
-    /* rows: functions to check. operations: entries in their lists of operations whose derivatives can be
-     * changed. */
-    size_t rows, operations;
-} extent;
-
-static lg_status count_row(void *user, const lg_gradcheck_case *row) {
-    extent *found = user;
-    found->rows++;
-    for (size_t i = 0; i < LG_GRADCHECK_CASE_OPERATIONS && row->operations[i] != NULL; i++)
-        found->operations++;
-    return LG_OK;
+/* The next wanted row from number *at on; NULL: there is none. */
+static const lg_gradcheck_case *next_row(size_t *at) {
+    const lg_gradcheck_case *row = lg_gradcheck_case_at((*at)++);
+    while (row != NULL && !wanted(row)) row = lg_gradcheck_case_at((*at)++);
+    return row;
 }
 
 typedef struct run {
@@ -76,59 +52,60 @@ typedef struct run {
 
 /* ---- checking ---- */
 
-static void report_order(app_json *out, const char *name, int order, const lg_gradcheck_order *found) {
-    APP_OBJECT(out, NULL, LG_AS_TEXT("name", name), LG_AS_WHOLE("order", (uint64_t)order),
-               LG_AS_REAL("slope", found->slope), LG_AS_REAL("error", found->error),
-               LG_AS_FLAG("passed", found->passed));
+/* A row that is wrong is a failure, after which the others are checked. */
+static lg_status count_failure(run *r, lg_status status, const char *message) {
+    if (status == LG_OK) return LG_OK;
+    r->failures++;
+    app_warn(r->app, "%s", message);
+    return LG_OK;
 }
 
-static lg_status check_row(void *user, const lg_gradcheck_case *row) {
-    run *r = user;
+static lg_status check_row(run *r, const lg_gradcheck_case *row) {
     lg_gradcheck_result result;
-    r->row = row->function.name;
-    lg_status status = lg_gradcheck_run(r->app->context, row, &r->options, NULL, &result);
+    const lg_status status = lg_gradcheck_run(r->app->context, row, &r->options, NULL, &result);
     if (status == LG_OUT_OF_MEMORY || status == LG_INVALID_ARGUMENT) return status;
-    for (int order = 0; order < LG_GRADCHECK_ORDERS; order++)
-        if (result.order[order].checked)
-            report_order(r->app->out, row->function.name, order + 1, &result.order[order]);
+    for (uint64_t order = 0; order < LG_GRADCHECK_ORDERS; order++) {
+        const lg_gradcheck_order *found = &result.order[order];
+        if (!found->checked) continue;
+        APP_OBJECT(r->app->out, NULL, LG_AS_TEXT("name", row->function.name), LG_AS_WHOLE("order", order + 1),
+                   LG_AS_REAL("slope", found->slope), LG_AS_REAL("error", found->error),
+                   LG_AS_FLAG("passed", found->passed));
+    }
     r->checks++;
-    if (status != LG_OK) {
-        r->failures++;
-        app_warn(r->app, "%s", result.message);
-    }
-    return LG_OK;
+    return count_failure(r, status, result.message);
 }
 
-static void report_program(app_json *out, const char *name, const lg_gradcheck_program_result *found) {
-    APP_OBJECT(out, NULL, LG_AS_TEXT("name", name), LG_AS_FLAG("refused", found->refused),
-               LG_AS_REAL("value", found->value), LG_AS_REAL("forward", found->forward),
-               LG_AS_REAL("adjoint", found->adjoint), LG_AS_FLAG("passed", found->passed));
-}
-
-static lg_status check_program(void *user, const lg_gradcheck_case *row) {
-    run *r = user;
-    lg_gradcheck_program_result result;
-    r->row = row->function.name;
-    const lg_status status = lg_gradcheck_program(r->app->context, row, &r->options, NULL, &result);
+static lg_status check_program(run *r, const lg_gradcheck_case *row) {
+    lg_gradcheck_program_result found;
+    const lg_status status = lg_gradcheck_program(r->app->context, row, &r->options, NULL, &found);
     if (status == LG_OUT_OF_MEMORY || status == LG_INVALID_ARGUMENT) return status;
-    report_program(r->app->out, row->function.name, &result);
-    r->programs += !result.refused;
-    r->refused += result.refused;
-    if (status != LG_OK) {
-        r->failures++;
-        app_warn(r->app, "%s", result.message);
+    APP_OBJECT(r->app->out, NULL, LG_AS_TEXT("name", row->function.name),
+               LG_AS_FLAG("refused", found.refused), LG_AS_REAL("value", found.value),
+               LG_AS_REAL("forward", found.forward), LG_AS_REAL("adjoint", found.adjoint),
+               LG_AS_FLAG("passed", found.passed));
+    r->programs += !found.refused;
+    r->refused += found.refused;
+    return count_failure(r, status, found.message);
+}
+
+/* Prints a table with what `check` finds of each wanted row, until one cannot be checked; without rows if
+ * `status` is a failure. */
+static lg_status check_rows(run *r, const char *name, lg_status status,
+                            lg_status (*check)(run *r, const lg_gradcheck_case *row)) {
+    const lg_gradcheck_case *row;
+    app_result_rows(r->app->out, name);
+    for (size_t at = 0; status == LG_OK && (row = next_row(&at)) != NULL;) {
+        if (!app_interrupted()) r->row = row->function.name;
+        status = app_interrupted() ? LG_CANCELLED : check(r, row);
     }
-    return LG_OK;
+    app_result_rows_end(r->app->out);
+    return status;
 }
 
 static lg_status check_all(run *r) {
     app_json *out = r->app->out;
-    app_result_rows(out, "checks");
-    lg_status status = each_row(check_row, r);
-    app_result_rows_end(out);
-    app_result_rows(out, "programs");
-    if (status == LG_OK) status = each_row(check_program, r);
-    app_result_rows_end(out);
+    lg_status status = check_rows(r, "checks", LG_OK, check_row);
+    status = check_rows(r, "programs", status, check_program);
     app_result_line(out, "\n%zu functions, %zu of them programs, %zu refused as programs, %zu wrong.",
                     r->checks, r->programs, r->refused, r->failures);
     APP_PUT(out, LG_AS_WHOLE("functions", r->checks), LG_AS_WHOLE("equal_programs", r->programs),
@@ -153,16 +130,12 @@ static void count_plant(void *user, const lg_gradcheck_case *row, const lg_gradc
                LG_AS_TEXT("reason", r->app->out->people && outcome != LG_PLANT_EXCLUDED ? NULL : reason));
 }
 
-static lg_status plant_row(void *user, const lg_gradcheck_case *row) {
-    run *r = user;
-    r->row = row->function.name;
+static lg_status plant_row(run *r, const lg_gradcheck_case *row) {
     return lg_gradcheck_plant_all(r->app->context, row, &r->options, count_plant, r);
 }
 
 static lg_status plant_all(run *r) {
-    app_result_rows(r->app->out, "plants");
-    const lg_status status = each_row(plant_row, r);
-    app_result_rows_end(r->app->out);
+    const lg_status status = check_rows(r, "plants", LG_OK, plant_row);
     r->failures = r->missed;
     app_result_line(r->app->out, "\n%zu mutations caught, %zu excluded (cannot be seen), %zu missed.",
                     r->caught, r->excluded, r->missed);
@@ -173,16 +146,18 @@ static lg_status plant_all(run *r) {
 
 static void gradcheck(struct app *program) {
     run r = {.app = program};
-    extent found = {0, 0};
-    (void)each_row(count_row, &found);
-    if (found.rows == 0)
+    size_t rows = 0, operations = 0; /* rows: to check; operations: of these, whose derivatives can change */
+    const lg_gradcheck_case *row;
+    for (size_t at = 0; (row = next_row(&at)) != NULL; rows++)
+        for (size_t i = 0; i < LG_GRADCHECK_CASE_OPERATIONS && row->operations[i] != NULL; i++) operations++;
+    if (rows == 0)
         app_stop_usage(program, "--only: no operation is called '%s', and no function has it in its name",
                        given.only);
-    if (given.plant && found.operations == 0)
+    if (given.plant && operations == 0)
         app_stop_usage(program,
                        "--plant: none of the %zu functions that '%s' chooses tests an operation with a "
                        "registered derivative, so there is nothing to plant",
-                       found.rows, given.only);
+                       rows, given.only);
     lg_gradcheck_options_init(&r.options);
     if (program->seed_given) r.options.seed = program->seed;
     const lg_status status = given.plant ? plant_all(&r) : check_all(&r);

@@ -29,21 +29,18 @@ static evaluate_values values;
 static void report(const app *self, const lg_trajectories *test, const verdict *result, bool recorded,
                    double seconds) {
     app_json *out = self->out;
-    app_result_real(out, "E1", result->e1, "mean squared error of the learned flow");
-    app_result_real(out, "E2", result->e2,
-                    test->hamiltonian == NULL
-                        ? "the file of the test trajectories has no /hamiltonian"
-                        : "mean deviation of the Hamiltonian from the true one, up to a constant");
-    if (values.relative) {
-        app_result_real(out, "relative", result->relative, "geometric mean of |z - z'|/|z + z'| + 1e-8");
-        app_result_real(out, "relative_worst", result->relative_worst, "the same of the worst trajectory");
-    }
-    app_result_size(out, "trajectories", test->count, NULL);
-    app_result_size(out, "points", test->points, "of each trajectory");
-    app_result_real(out, "t_end", test->t[test->points - 1] - test->t[0], NULL);
-    app_json_bool(out, "recorded", recorded);
-    app_json_size(out, "threads", self->threads);
-    app_result_real(out, "seconds", seconds, NULL);
+    APP_PUT(out, APP_REAL("E1", result->e1, "mean squared error of the learned flow"),
+            APP_REAL("E2", result->e2,
+                     test->hamiltonian == NULL
+                         ? "the file of the test trajectories has no /hamiltonian"
+                         : "mean deviation of the Hamiltonian from the true one, up to a constant"));
+    if (values.relative)
+        APP_PUT(out, APP_REAL("relative", result->relative, "geometric mean of |z - z'|/|z + z'| + 1e-8"),
+                APP_REAL("relative_worst", result->relative_worst, "the same of the worst trajectory"));
+    APP_PUT(out, APP_WHOLE("trajectories", test->count, NULL),
+            APP_WHOLE("points", test->points, "of each trajectory"),
+            APP_REAL("t_end", test->t[test->points - 1] - test->t[0], NULL), LG_AS_FLAG("recorded", recorded),
+            LG_AS_WHOLE("threads", self->threads), APP_REAL("seconds", seconds, NULL));
     if (recorded) app_result_line(out, "Recorded in %s", self->arguments[0]);
 }
 
@@ -98,8 +95,7 @@ static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_traject
     const double tolerance = flow_given.tolerance > 0 ? flow_given.tolerance : default_tolerance(model);
     const double begin = app_seconds();
     APP_FREE double *predicted = app_alloc(test->count * test->points * test->state_dim, sizeof *predicted);
-    APP_MUST(self, judge(self->context, self->threads, model, file->theta, test, tolerance, predicted,
-                         &result, &error));
+    APP_DO(self, judge, self->threads, model, file->theta, test, tolerance, predicted, &result);
     if (values.relative) APP_MUST(self, judge_relative(test, predicted, &result, &error));
     app_plot_draw(self, 0,
                   &(drawn_flow){"Trajectories of the test set, true and predicted", model, test->t,
@@ -123,9 +119,8 @@ static void check_record(const app *self) {
     if (!values.record) return;
     if (app_same_file(path, self->arguments[1]))
         app_stop_usage(self, "--record: %s is both the model and the test data", path);
-    char *real = realpath(path, NULL);
+    APP_FREE char *real = realpath(path, NULL);
     APP_MUST_FILE(self, path, app_check_writable(real != NULL ? real : path, &error));
-    free(real);
     if (access(path, W_OK) != 0) app_stop(self, LG_FILE, "%s: %s", path, strerror(errno));
     APP_MUST_FILE(self, path, app_claim(self, path, &error));
     app_continue(path);
@@ -136,12 +131,11 @@ static void run(app *self) {
     lg_hamiltonian_file file;
     APP_CLEAN(lg_trajectories_destroy) lg_trajectories test = {0};
     check_record(self);
-    APP_MUST_FILE(self, model,
-                  lg_recipe_load(self->context, model, NULL, &lg_recipe_hamiltonian, &file, &error));
+    APP_FILE(self, model, lg_recipe_load, NULL, &lg_recipe_hamiltonian, &file);
     lg_read_options reading;
     lg_read_options_init(&reading);
     if (file.constraint != NULL) reading.constraint = lg_constraint_program(file.constraint);
-    APP_MUST_FILE(self, data, lg_trajectories_read(self->context, data, &reading, &test, &error));
+    APP_FILE(self, data, lg_trajectories_read, &reading, &test);
     lg_warn_of_inputs(self->context, data, &test);
     warn_of_data(self, &file.run, &test);
     self->code = evaluate(self, &file, &test);

@@ -4,8 +4,6 @@
 #include "common/trials.h"
 #include "core/clean.h"
 
-#include <stdio.h>
-
 typedef struct generate_values {
     const char *out;
     uint64_t trajectories, points, segments;
@@ -41,18 +39,13 @@ static generate_values values = {.points = 5};
 
 static void report(const app *self, const lg_trajectories *data, double seconds) {
     app_json *out = self->out;
-    app_result_text(out, "system", data->system, NULL);
-    app_json_size(out, "links", data->n);
-    app_result_size(out, "trajectories", data->count, NULL);
-    app_result_size(out, "points", data->points, "of each");
-    app_result_size(out, "state_size", data->state_dim, "numbers of a point");
-    app_result_real(out, "dt", data->dt, NULL);
+    APP_PUT(out, APP_TEXT("system", data->system, NULL), LG_AS_WHOLE("links", data->n),
+            APP_WHOLE("trajectories", data->count, NULL), APP_WHOLE("points", data->points, "of each"),
+            APP_WHOLE("state_size", data->state_dim, "numbers of a point"), APP_REAL("dt", data->dt, NULL));
     const lg_field *noise = lg_field_find(generate_options, "noise"); /* noise_kind, noise_on follow */
     for (const lg_field *row = noise; row < noise + 3; row++) app_json_field(out, row, &values);
-    app_json_size(out, "seed", self->seed);
-    app_json_text(out, "sha256", data->sha256);
-    app_result_text(out, "out", values.out, NULL);
-    app_result_real(out, "seconds", seconds, NULL);
+    APP_PUT(out, LG_AS_WHOLE("seed", self->seed), LG_AS_TEXT("sha256", data->sha256),
+            APP_TEXT("out", values.out, NULL), APP_REAL("seconds", seconds, NULL));
 }
 
 /* ---- trajectories of a scene ---- */
@@ -184,7 +177,7 @@ static lg_trajectory_options create(const app *self, const char *path, lg_scene 
     lg_error why = {LG_OK, ""};
     if (values.speed > 0)
         app_stop_usage(self, "--speed is for constraints; a scene says how starts are drawn");
-    APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, scene, &error));
+    APP_FILE(self, path, lg_scene_read, FORM, scene);
     if (values.segments > 0) scene->segments = (uint32_t)values.segments;
     const lg_trajectory_options how = options_of(self, scene);
     const lg_status status = sample_create(self->context, scene, &how, data, &why);
@@ -200,7 +193,7 @@ static lg_trajectory_options create_constrained(const app *self, const char *pat
     lg_constraint *constraint = NULL;
     lg_error why = {LG_OK, ""};
     if (values.segments > 0) app_stop_usage(self, "--segments is for scenes");
-    APP_MUST_FILE(self, path, lg_program_load(self->context, path, NULL, &program, &error));
+    APP_FILE(self, path, lg_program_load, NULL, &program);
     lg_status status = lg_constraint_create(self->context, program, &constraint, &why);
     if (status == LG_OK && !lg_constraint_moves(constraint))
         status = lg_fail(&why, LG_FORMAT, "there is no function potential (q) -> V");
@@ -233,7 +226,7 @@ static void run(app *self) {
     if (make_all(self, h5 ? NULL : &scene, &how, &data, &made)) {
         if (!h5) app_must_file(self, lg_trajectories_set_truth(&data, scene.system), NULL, values.out);
         data.provenance = app_provenance(self, self->seed);
-        APP_MUST_FILE(self, values.out, lg_trajectories_write(self->context, values.out, &data, &error));
+        APP_FILE(self, values.out, lg_trajectories_write, &data);
         trials_end(&made);
         report(self, &data, app_seconds() - begin);
     }

@@ -5,7 +5,6 @@
 
 #include <math.h>
 #include <stdatomic.h>
-#include <string.h>
 
 static const double RELATIVE_LEAST = 1e-8; /* added to each relative error */
 

@@ -75,7 +75,7 @@ static void start_from_scene(const app *self, prediction *p) {
     const lg_hamiltonian *model = &p->file->run.model;
     const lg_hamiltonian_family *family;
     uint32_t n;
-    APP_MUST_FILE(self, path, lg_scene_read(self->context, path, FORM, &p->scene, &error));
+    APP_FILE(self, path, lg_scene_read, FORM, &p->scene);
     p->has_scene = true;
     if (scene_family(&p->scene, &family, &n, &why) != LG_OK)
         app_stop(self, LG_FORMAT, "%s: line %u: %s", path, p->scene.line_system, why.message);
@@ -98,7 +98,7 @@ static void integrate(const app *self, prediction *p) {
     const double tolerance = flow_given.tolerance > 0 ? flow_given.tolerance : default_tolerance(model);
     const double begin = app_seconds();
     lg_model *learned;
-    APP_MUST(self, lg_hamiltonian_learned(self->context, model, p->file->theta, &learned, &error));
+    APP_DO(self, lg_hamiltonian_learned, model, p->file->theta, &learned);
     const lg_status flown = app_flow(self->context, learned, lg_scheme_find(model->family->accurate),
                                      tolerance, 0, p->start, p->y.t, points, p->y.data, &p->stats);
     if (flown != LG_OK) app_stop(self, flown, "the learned flow: %s", lg_status_sentence(flown));
@@ -133,23 +133,19 @@ static double energy_drift(const prediction *p) {
 
 static void report(const app *self, const prediction *p) {
     app_json *out = self->out;
-    app_result_real(out, "t", p->t_end, NULL);
-    app_result_reals(out, "y", p->y.data + (p->y.points - 1) * p->dim, p->dim, NULL);
-    app_json_size(out, "points", p->y.points);
-    app_result_size(out, "steps", p->stats.steps, NULL);
-    app_json_size(out, "evaluations", p->stats.evaluations);
-    app_result_real(out, "energy_drift", energy_drift(p), "largest change of the learned energy");
-    app_result_real(out, "max_error", largest_difference(p),
-                    "largest difference from the true flow, which a scene gives");
-    app_json_text(out, "out", app_common_given.out);
-    app_result_real(out, "seconds", p->seconds, NULL);
+    APP_PUT(out, APP_REAL("t", p->t_end, NULL),
+            APP_REALS("y", p->y.data + (p->y.points - 1) * p->dim, p->dim, NULL),
+            LG_AS_WHOLE("points", p->y.points), APP_WHOLE("steps", p->stats.steps, NULL),
+            LG_AS_WHOLE("evaluations", p->stats.evaluations),
+            APP_REAL("energy_drift", energy_drift(p), "largest change of the learned energy"),
+            APP_REAL("max_error", largest_difference(p),
+                     "largest difference from the true flow, which a scene gives"),
+            LG_AS_TEXT("out", app_common_given.out), APP_REAL("seconds", p->seconds, NULL));
 }
 
 static void write_outputs(const app *self, prediction *p) {
     p->y.provenance = app_provenance(self, self->seed);
-    if (app_common_given.out != NULL)
-        APP_MUST_FILE(self, app_common_given.out,
-                      lg_trajectories_write(self->context, app_common_given.out, &p->y, &error));
+    if (app_common_given.out != NULL) APP_FILE(self, app_common_given.out, lg_trajectories_write, &p->y);
     app_plot_draw(
         self, 0,
         &(drawn_flow){"The learned flow", &p->file->run.model, p->y.t, p->truth, p->y.data, 1, p->y.points});
@@ -168,8 +164,7 @@ static void run(app *self) {
     if (scene == (flow_given.initial.count > 0))
         app_stop_usage(self, scene ? "--initial and a scene cannot be given together"
                                    : "no start: give --initial X,X,... or a scene");
-    APP_MUST_FILE(self, path,
-                  lg_recipe_load(self->context, path, NULL, &lg_recipe_hamiltonian, &file, &error));
+    APP_FILE(self, path, lg_recipe_load, NULL, &lg_recipe_hamiltonian, &file);
     p.dim = lg_hamiltonian_state_dim(&file.run.model);
     p.start = app_keep(p.dim, sizeof *p.start);
     if (scene)

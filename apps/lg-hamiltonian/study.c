@@ -1,5 +1,4 @@
 /* lg-hamiltonian study: a resumable grid of trainings. */
-#include "common/train.h"
 #include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/study.h"
 
@@ -80,7 +79,7 @@ static void read_grid(app *self, lg_grid *grid) {
     const lg_hamiltonian_family *family;
     lg_error why = {LG_OK, ""};
     uint32_t n;
-    APP_MUST_FILE(self, path, lg_grid_read(self->context, path, grid, &error));
+    APP_FILE(self, path, lg_grid_read, grid);
     if (self->seed_given) grid->seed = self->seed;
     if (scene_family(&grid->scene, &family, &n, &why) != LG_OK)
         app_stop(self, LG_FORMAT, "%s: %s", path, why.message);

@@ -196,14 +196,10 @@ enum { BEST = 5, INTEGRATORS = 1u << AXIS_INTEGRATOR | 1u << AXIS_SUBSTEPS };
 #define COMBINATION (STUDY_CELL & ~(1u << AXIS_EPS))
 
 typedef struct combination {
+    double e1; /* first: it sorts the combinations */
     size_t cell;
     study_summary summary;
 } combination;
-
-static int by_e1(const void *a, const void *b) {
-    return lg_compare_doubles(&((const combination *)a)->summary.geometric[STUDY_E1],
-                              &((const combination *)b)->summary.geometric[STUDY_E1]);
-}
 
 /* Writes a table row: the values on the given axes, the figures, and the numbers of runs and failed runs. */
 static void put_row(app_json *out, const study_table *table, size_t cell, unsigned axes,
@@ -213,8 +209,7 @@ static void put_row(app_json *out, const study_table *table, size_t cell, unsign
     for (int axis = AXIS_INTEGRATOR + 1; axis < AXES; axis++)
         if ((axes >> axis & 1) != 0) app_json_real(out, study_names[axis], study_value(table, cell, axis));
     for (size_t k = 0; k < MEASURES; k++) app_json_real(out, study_names[STUDY_MEASURES + k], figures[k]);
-    app_json_size(out, "runs", s->runs);
-    app_json_size(out, "failed", s->failed);
+    APP_PUT(out, LG_AS_WHOLE("runs", s->runs), LG_AS_WHOLE("failed", s->failed));
     app_json_close(out, '}');
 }
 
@@ -225,9 +220,9 @@ static void put_best(app_json *out, const char *name, const study_table *table, 
     size_t n = 0;
     for (size_t i = 0; i < all; i++) {
         const study_summary s = study_summarise(table, i, COMBINATION, noise);
-        if (s.runs > s.failed) list[n++] = (combination){i, s};
+        if (s.runs > s.failed) list[n++] = (combination){s.geometric[STUDY_E1], i, s};
     }
-    qsort(list, n, sizeof *list, by_e1);
+    qsort(list, n, sizeof *list, lg_compare_doubles);
     if (n > 0)
         app_result_line(out, "\nBest combinations %s noise (geometric means)",
                         noise == STUDY_WITH ? "with" : "without");
@@ -240,10 +235,9 @@ static void put_best(app_json *out, const char *name, const study_table *table, 
 void study_report(const app *self, const study_table *table, size_t fresh, double seconds) {
     const size_t integrators = table->count[AXIS_INTEGRATOR], substeps = table->count[AXIS_SUBSTEPS];
     app_json *out = self->out;
-    app_result_size(out, "planned", study_runs(table), "runs of the grid");
-    app_result_size(out, "done", table->rows, "runs of the table");
-    app_result_size(out, "new", fresh, NULL);
-    app_json_text(out, "protocol", table->protocol);
+    APP_PUT(out, APP_WHOLE("planned", study_runs(table), "runs of the grid"),
+            APP_WHOLE("done", table->rows, "runs of the table"), APP_WHOLE("new", fresh, NULL),
+            LG_AS_TEXT("protocol", table->protocol));
     app_result_line(out, "\nMedians over the repeats");
     app_result_rows(out, "medians");
     for (size_t i = 0; i < study_cells(table); i++) {
@@ -261,9 +255,8 @@ void study_report(const app *self, const study_table *table, size_t fresh, doubl
     app_result_rows_end(out);
     put_best(out, "best_without_noise", table, STUDY_WITHOUT);
     put_best(out, "best_with_noise", table, STUDY_WITH);
-    app_json_size(out, "threads", self->threads);
-    app_json_text(out, "out", table->path);
-    app_result_real(out, "seconds", seconds, NULL);
+    APP_PUT(out, LG_AS_WHOLE("threads", self->threads), LG_AS_TEXT("out", table->path),
+            APP_REAL("seconds", seconds, NULL));
 }
 
 /* ---- the plot ---- */

@@ -3,7 +3,6 @@
 #ifndef LG_APPS_LEARNING_H
 #define LG_APPS_LEARNING_H
 
-#include "common/app.h"
 #include "common/train.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/integrators.h"

@@ -261,8 +261,8 @@ static void report(const app *self, const adapting *a) {
         APP_OBJECT(out, a->to.names[k], LG_AS_REAL("value", value_of(a, k, a->x[k])),
                    LG_AS_REAL("error", a->to.units[k] * a->error[k]), LG_AS_REAL("prior", a->to.units[k]));
     app_result_rows_end(out);
-    app_result_text(out, "errors", a->found.block > 0 ? "corrected for correlation" : "white", NULL);
-    app_result_size(out, "window", a->window, "rows of a window of the fit");
+    APP_PUT(out, APP_TEXT("errors", a->found.block > 0 ? "corrected for correlation" : "white", NULL),
+            APP_WHOLE("window", a->window, "rows of a window of the fit"));
     identify_put_start_rows(out, &a->given.model);
     app_result_text(out, "numbers", a->kept ? "kept" : "changed", NULL);
     app_result_named(out, "rest", "root mean square of the rest, free run");
@@ -282,8 +282,7 @@ static void save(const app *self, const adapting *a) {
     file.theta = a->to.theta;
     file.spread = NULL;
     file.provenance = app_provenance(self, a->to.run.training.seed);
-    APP_MUST_FILE(self, values.out,
-                  lg_recipe_save(self->context, values.out, &lg_recipe_machine_model, &file, NULL, &error));
+    APP_FILE(self, values.out, lg_recipe_save, &lg_recipe_machine_model, &file, NULL);
 }
 
 static void run(app *self) {
@@ -299,8 +298,7 @@ static void run(app *self) {
             self->arguments[0]);
     divide(self, &a);
     find_forces(self, &a, force);
-    APP_MUST(self, lg_adaptation_create(self->context, self->arguments[0], &a.given.file, values.numbers,
-                                        force, &a.to, &error));
+    APP_DO(self, lg_adaptation_create, self->arguments[0], &a.given.file, values.numbers, force, &a.to);
     fit_windows(self, &a);
     a.kept = !has_changed(&a);
     for (size_t k = 0; k < a.to.count && a.kept; k++) a.x[k] = 0;

@@ -63,13 +63,12 @@ static void ask(const app *self, const lg_learned_machine *model, size_t count, 
     lg_program_spec_init(&spec);
     spec.parameters = &weights, spec.parameter_count = machine->parameters > 0;
     spec.functions = &terms, spec.function_count = 1;
-    APP_MUST(self, lg_program_build(self->context, &spec, &program, &error));
+    APP_DO(self, lg_program_build, &spec, &program);
     for (size_t i = 0; i < count; i += CHUNK) {
         const double *const from[] = {q + i * nq, v + i * nv, u + i * m};
         double *const to[] = {energy != NULL ? energy + i : NULL, power != NULL ? power + i * POWERS : NULL,
                               damping != NULL ? damping + i * nv : NULL};
-        APP_MUST(self, lg_program_eval(self->context, program, "terms", count - i < CHUNK ? count - i : CHUNK,
-                                       from, to, &error));
+        APP_DO(self, lg_program_eval, program, "terms", count - i < CHUNK ? count - i : CHUNK, from, to);
     }
     lg_program_destroy(program);
 }
@@ -167,8 +166,7 @@ static void put_lagged(const app *self, const lg_learned_machine *model, const i
     APP_FREE size_t *at = app_alloc(points, sizeof *at);
     APP_FREE double *x = app_alloc(points * n, sizeof *x);
     for (size_t i = 0; i < points; i++) at[i] = 2 * all->row[i / 3] + i % 3;
-    APP_MUST(self, lg_machine_lagged_inputs(self->context, machine, model->theta, &all->finer.log, at, points,
-                                            x, &error));
+    APP_DO(self, lg_machine_lagged_inputs, machine, model->theta, &all->finer.log, at, points, x);
     for (size_t i = 0; i < points; i++)
         for (size_t k = 0; k < n; k++) u[i * m + machine->lagged[k]] = x[i * n + k];
 }

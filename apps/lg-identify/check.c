@@ -122,21 +122,19 @@ static void put_delays(app_json *out, const lg_machine *machine, const lg_logs *
     if (same)
         app_result_size(out, "delay", logs->delay[0], label);
     else
-        app_result_reals(out, "delay", each, machine->input_count, label);
+        app_result_put(out, APP_REALS("delay", each, machine->input_count, label));
 }
 
 static void report(const app *self, const lg_machine_data *data) {
     const lg_logs *logs = &data->logs;
     app_json *out = self->out;
-    app_result_size(out, "files", logs->files, NULL);
-    app_result_size(out, "runs", logs->runs, NULL);
-    app_result_size(out, "rows", logs->rows_read, NULL);
-    app_result_size(out, "rows_kept", logs->log.rows, NULL);
-    app_result_size(out, "parts", logs->log.parts, "without a gap");
-    app_result_real(out, "dt_median", logs->dt_median, "s from a row to the next");
-    app_result_real(out, "dt_max", logs->dt_max, "s at most");
-    app_result_real(out, "max_step", logs->max_step, "s; longer steps are gaps");
-    app_result_size(out, "gaps", logs->gaps, NULL);
+    APP_PUT(out, APP_WHOLE("files", logs->files, NULL), APP_WHOLE("runs", logs->runs, NULL),
+            APP_WHOLE("rows", logs->rows_read, NULL), APP_WHOLE("rows_kept", logs->log.rows, NULL),
+            APP_WHOLE("parts", logs->log.parts, "without a gap"),
+            APP_REAL("dt_median", logs->dt_median, "s from a row to the next"),
+            APP_REAL("dt_max", logs->dt_max, "s at most"),
+            APP_REAL("max_step", logs->max_step, "s; longer steps are gaps"),
+            APP_WHOLE("gaps", logs->gaps, NULL));
     put_delays(out, &data->file.machine, logs);
     app_result_named(out, "columns", "column");
     for (uint32_t c = 0; c < data->file.column_count; c++) {

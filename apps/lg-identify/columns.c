@@ -2,7 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "files/csv.h"
 #include "liegrad/geometry.h"
 #include "lg-identify/identify.h"
 

@@ -51,8 +51,7 @@ static void put_errors(app_json *json, const double *errors, const char *suffix)
 
 static void put_horizon(app_json *json, const lg_horizon *h, const lg_horizon *linear) {
     app_json_open(json, NULL, '{');
-    app_json_real(json, "seconds", h->seconds);
-    app_json_size(json, "starts", h->starts);
+    APP_PUT(json, LG_AS_REAL("seconds", h->seconds), LG_AS_WHOLE("starts", h->starts));
     put_errors(json, h->pooled, "");
     put_errors(json, h->median, "_median");
     app_json_open(json, "unchanged", '{');
@@ -166,10 +165,9 @@ static void report(const app *self, const identify_given *given, const verdict *
     for (int k = 0; k < IDENTIFY_ENERGIES; k++)
         app_result_known(out, energy_names[k], v->energy[k], energy_words[k]);
     app_json_close(out, '}');
-    if (values.relative) {
-        app_result_real(out, "relative", v->relative, NULL);
-        app_result_real(out, "relative_worst", v->relative_worst, NULL);
-    }
+    if (values.relative)
+        APP_PUT(out, APP_REAL("relative", v->relative, NULL),
+                APP_REAL("relative_worst", v->relative_worst, NULL));
 }
 
 /* ---- a linear model to compare the machine with ---- */
@@ -206,7 +204,7 @@ static void fit_linear(const app *self, const lg_machine *machine, const lg_mach
     *linear = (linear_model){.machine = machine,
                              .features = machine->positions + machine->velocities + machine->input_count + 1};
     for (size_t i = 0; i < LG_COUNT(linear->A); i++) linear->A[i] = NAN;
-    APP_MUST(self, lg_machine_unexplained(self->context, machine, log, linear->A, &left, &error));
+    APP_DO(self, lg_machine_unexplained, machine, log, linear->A, &left);
 }
 
 static void slope(const linear_model *linear, const double *q, const double *v, const double *u, double *dq,
@@ -303,8 +301,8 @@ static void judge_linear(const app *self, const identify_given *given, linear_mo
     const lg_learned_machine *model = &given->model;
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = NAN;
     if (model->machine->accelerations) return;
-    APP_MUST(self, lg_horizon_of(self->context, model->machine, run_linear, linear, 0, states,
-                                 &given->data.logs.log, seconds, values.every, out, &error));
+    APP_DO(self, lg_horizon_of, model->machine, run_linear, linear, 0, states, &given->data.logs.log, seconds,
+           values.every, out);
     if (model->start_rows > 0) out->pooled[LG_ERROR_VELOCITY] = NAN;
     for (int e = 0; e < LG_RUN_ERRORS; e++)
         if (out->pooled[e] >= 1e300) out->pooled[e] = NAN;

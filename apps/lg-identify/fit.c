@@ -2,7 +2,6 @@
 #include "common/train.h"
 #include "lg-identify/identify.h"
 
-#include <math.h>
 #include <string.h>
 
 static lg_machine_state state;

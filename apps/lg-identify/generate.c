@@ -2,7 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/text.h"
 #include "files/frame.h"
 #include "lg-identify/identify.h"
 #include "liegrad/geometry.h"
@@ -326,13 +325,11 @@ static double input_of(const void *user, size_t run, size_t row, uint32_t input)
 
 static void report(const app *self, const making *m, size_t rows) {
     app_json *out = self->out;
-    app_result_size(out, "runs", m->runs, NULL);
-    app_result_size(out, "rows", rows, "of all runs");
-    app_result_real(out, "dt", values.dt, "s from a row to the next");
-    app_result_size(out, "substeps", m->substeps, "between two rows");
-    app_result_real(out, "accuracy", m->accuracy, "of the motion");
-    app_json_size(out, "seed", self->seed);
-    app_result_text(out, "out", values.out, NULL);
+    APP_PUT(out, APP_WHOLE("runs", m->runs, NULL), APP_WHOLE("rows", rows, "of all runs"),
+            APP_REAL("dt", values.dt, "s from a row to the next"),
+            APP_WHOLE("substeps", m->substeps, "between two rows"),
+            APP_REAL("accuracy", m->accuracy, "of the motion"), LG_AS_WHOLE("seed", self->seed),
+            APP_TEXT("out", values.out, NULL));
 }
 
 /* ---- the command ---- */
@@ -397,7 +394,7 @@ static void run(app *self) {
     const app_path inputs = {"excitation", find_form() < LG_COUNT(forms) ? NULL : values.excitation,
                              LG_FILE_READ, NULL};
     app_check_outputs(self, &inputs, 1);
-    APP_MUST_FILE(self, path, lg_machine_file_read(self->context, path, &m.file, &error));
+    APP_FILE(self, path, lg_machine_file_read, &m.file);
     check_scene(self, &m.file);
     check_options(self, &m.file);
     begin(self, &m);

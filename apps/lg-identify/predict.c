@@ -113,8 +113,7 @@ static double input_of(const void *user, size_t part, size_t row, uint32_t input
 static void report(const app *self, const prediction *p) {
     const lg_machine_file *file = &p->given->data.file;
     app_json *out = self->out;
-    app_result_size(out, "rows", p->rows, NULL);
-    app_result_size(out, "runs", p->runs.count, NULL);
+    APP_PUT(out, APP_WHOLE("rows", p->rows, NULL), APP_WHOLE("runs", p->runs.count, NULL));
     identify_put_start_rows(out, &p->given->model);
     app_json_open(out, "free_run", '{');
     for (uint32_t c = 0; c < file->column_count; c++)

@@ -15,8 +15,7 @@ void identify_read(const app *self, const lg_machine_sources *from, lg_machine_d
 void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_given *out) {
     const char *path = self->arguments[0];
     const lg_machine_model_run *run = &out->file.run;
-    APP_MUST_FILE(self, path,
-                  lg_recipe_load(self->context, path, NULL, &lg_recipe_machine_model, &out->file, &error));
+    APP_FILE(self, path, lg_recipe_load, NULL, &lg_recipe_machine_model, &out->file);
     const lg_machine_sources from = {.machine = path,
                                      .text = run->text,
                                      .logs = self->arguments + 1,
@@ -71,8 +70,8 @@ size_t identify_first_run(const lg_logs *logs) {
 
 void identify_run(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                   const size_t *start, size_t count, size_t steps, double *q, double *v) {
-    APP_MUST(self, lg_machine_free_run(self->context, model->machine, model->theta, model->scheme,
-                                       model->substeps, log, start, count, steps, q, v, &error));
+    APP_DO(self, lg_machine_free_run, model->machine, model->theta, model->scheme, model->substeps, log,
+           start, count, steps, q, v);
 }
 
 identify_runs identify_runs_begin(const lg_learned_machine *model, const lg_machine_log *log, size_t from) {

@@ -1,11 +1,9 @@
 /* lg-learn: models of any recipe. Only the table of recipes knows which recipes exist. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "common/verbs.h"
 #include "files/csv.h"
-#include "nn/search.h"
 
 /* ---- the recipe and its options ---- */
 
@@ -124,16 +122,15 @@ static void follow(const app *self, const lg_model *model, double *start, app_js
         app_flow(self->context, model, lg_scheme_find("rkmk54"), tolerance, 0, start, t, points, y, &stats),
         NULL);
     write_trajectory(self, t, y, points, dim);
-    app_result_real(out, "t", t_end, NULL);
-    app_result_reals(out, "y", y + (points - 1) * dim, dim, "the state");
-    app_result_size(out, "steps", stats.steps, NULL);
+    APP_PUT(out, APP_REAL("t", t_end, NULL), APP_REALS("y", y + (points - 1) * dim, dim, "the state"),
+            APP_WHOLE("steps", stats.steps, NULL));
 }
 
 static void calculate(const lg_model *model, const double *x, app_json *out) {
     APP_FREE double *y = app_alloc(lg_model_outputs(model), sizeof *y);
     APP_FREE void *work = app_alloc(1, lg_model_work_size(model));
     lg_model_eval(model, x, y, work);
-    app_result_reals(out, "value", y, lg_model_outputs(model), NULL);
+    app_result_put(out, APP_REALS("value", y, lg_model_outputs(model), NULL));
 }
 
 /* Refuses options of a flow, which a model that does not move would ignore. */
@@ -148,7 +145,7 @@ static void refuse_flow(const app *self) {
 static void run_predict(app *self) {
     const char *path = self->arguments[0];
     APP_CLEAN(lg_model_file_destroy) lg_model_file file = {0};
-    APP_MUST_FILE(self, path, lg_model_load(self->context, path, NULL, &file, &error));
+    APP_FILE(self, path, lg_model_load, NULL, &file);
     if (flow_given.initial.count != lg_model_inputs(file.model))
         app_stop_usage(self, "--initial: %zu numbers are given, but the model takes %zu",
                        flow_given.initial.count, lg_model_inputs(file.model));

@@ -4,7 +4,6 @@
 
 #include "lg-simulate/simulate.h"
 #include "liegrad/ensemble.h"
-#include "liegrad/files.h"
 
 /* ---- what varies between members (vary.c) ---- */
 

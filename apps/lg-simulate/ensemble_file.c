@@ -135,13 +135,9 @@ static void put_result(lg_file_writer *writer, result *what) {
     (void)app_had_memory(lg_statistics_save(what->times, &times));
 }
 
-static void close_writer(lg_file_writer **writer) {
-    lg_file_writer_destroy(*writer);
-}
-
 lg_status result_write(const app *self, const char *path, result *what, const result_rows *rows,
                        lg_error *error) {
-    APP_CLEAN(close_writer) lg_file_writer *writer = NULL;
+    APP_CLEAN(lg_file_writer_destroy_at) lg_file_writer *writer = NULL;
     const lg_provenance provenance = app_provenance(self, self->seed);
     LG_TRY(lg_file_writer_create(self->context, path, "ensemble", &provenance, &writer, error));
     if (rows != NULL)

@@ -67,18 +67,15 @@ static void put_events(app_json *out, const result *what) {
 
 static void report_ensemble(app_json *out, const result *what, const lg_ensemble_stats *stats,
                             const char *path) {
-    app_result_text(out, "ensemble", what->what, NULL);
-    app_result_size(out, "total", what->total, "members of the ensemble");
-    app_result_size(out, "first", what->first, NULL);
-    app_result_size(out, "members", what->members, "of this run, from the first on");
-    app_json_size(out, "block", what->block);
-    app_result_size(out, "steps", what->steps, "of all members");
-    app_result_size(out, "rejected", what->rejected, NULL);
-    if (stats != NULL) {
-        app_result_size(out, "lanes", stats->lanes, "1: one member at a time");
-        app_result_real(out, "occupancy", stats->occupancy, "part of the lanes in use");
-        app_result_real(out, "seconds", stats->seconds, NULL);
-    }
+    APP_PUT(out, APP_TEXT("ensemble", what->what, NULL),
+            APP_WHOLE("total", what->total, "members of the ensemble"), APP_WHOLE("first", what->first, NULL),
+            APP_WHOLE("members", what->members, "of this run, from the first on"),
+            LG_AS_WHOLE("block", what->block), APP_WHOLE("steps", what->steps, "of all members"),
+            APP_WHOLE("rejected", what->rejected, NULL));
+    if (stats != NULL)
+        APP_PUT(out, APP_WHOLE("lanes", stats->lanes, "1: one member at a time"),
+                APP_REAL("occupancy", stats->occupancy, "part of the lanes in use"),
+                APP_REAL("seconds", stats->seconds, NULL));
     put_failures(out, what);
     if (what->members == 0)
         app_result_line(out,
@@ -87,8 +84,7 @@ static void report_ensemble(app_json *out, const result *what, const lg_ensemble
                         (unsigned long long)what->block, (unsigned long long)what->total);
     put_states(out, what);
     put_events(out, what);
-    app_result_text(out, "out", path, NULL);
-    app_result_size(out, "points", what->points, NULL);
+    APP_PUT(out, APP_TEXT("out", path, NULL), APP_WHOLE("points", what->points, NULL));
 }
 
 void ensemble_conclude(const app *self, const result *what, const lg_ensemble_stats *stats, const char *out) {

@@ -92,7 +92,7 @@ static lg_rows_about check_rows(const app *self, const part *of, const char *pat
     if (access(path, F_OK) != 0)
         app_stop(self, LG_FILE, "%s: is missing: %s was run with --save" WITHOUT, path, of->path);
     APP_FREE char *run = app_alloc(RUN_SIZE, 1);
-    APP_MUST_FILE(self, path, lg_rows_file_look(self->context, path, &about, run, RUN_SIZE, &error));
+    APP_FILE(self, path, lg_rows_file_look, &about, run, RUN_SIZE);
     if (strcmp(run, of->is.what) != 0)
         app_stop(self, LG_FORMAT, "%s: holds trajectories of another run than %s: its run is %s" WITHOUT,
                  path, of->path, run);

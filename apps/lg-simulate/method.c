@@ -54,7 +54,7 @@ method method_named(const simulation *sim, const char *option, const char *name)
     const lg_scheme *scheme = lg_scheme_find(name);
     lg_scheme *file = NULL;
     if (scheme == NULL && (strpbrk(name, "./") != NULL || access(name, F_OK) == 0)) {
-        APP_MUST_FILE(sim->self, name, lg_scheme_read(sim->self->context, name, &file, &error));
+        APP_FILE(sim->self, name, lg_scheme_read, &file);
         scheme = file;
     }
     if (scheme == NULL)

@@ -166,9 +166,8 @@ static void put_point(app_json *out, const curve *at, size_t i) {
 
 static void report_diagram(const diagram *d) {
     app_json *out = d->sim->self->out;
-    app_result_text(out, "system", lg_system_name(d->sim->system), NULL);
-    app_result_text(out, "form", lg_system_form(d->sim->system), NULL);
-    app_result_real(out, "t", d->sim->t_end, NULL);
+    APP_PUT(out, APP_TEXT("system", lg_system_name(d->sim->system), NULL),
+            APP_TEXT("form", lg_system_form(d->sim->system), NULL), APP_REAL("t", d->sim->t_end, NULL));
     APP_OBJECT(out, "reference", LG_AS_TEXT("method", d->reference), LG_AS_REAL("tol", d->tol),
                LG_AS_REAL("error", d->reference_error));
     app_result_line(out,

@@ -49,10 +49,10 @@ static void put_gradient(app_json *out, const report *what) {
         app_result_real(out, label, slope->dparameters[i], NULL);
     }
     app_json_close(out, '}');
-    app_result_size(out, "checkpoints", slope->stats.checkpoints, NULL);
-    app_result_size(out, "state_bytes", slope->stats.states_size, NULL);
-    app_result_size(out, "tape_bytes", slope->stats.tape_size, NULL);
-    app_result_real(out, "gradient_seconds", slope->stats.seconds, NULL);
+    APP_PUT(out, APP_WHOLE("checkpoints", slope->stats.checkpoints, NULL),
+            APP_WHOLE("state_bytes", slope->stats.states_size, NULL),
+            APP_WHOLE("tape_bytes", slope->stats.tape_size, NULL),
+            APP_REAL("gradient_seconds", slope->stats.seconds, NULL));
 }
 
 void report_run(const report *what) {
@@ -60,31 +60,27 @@ void report_run(const report *what) {
     const plan *how = what->how;
     const lg_scheme *scheme = how->scheme;
     app_json *out = sim->self->out;
-    app_result_text(out, "system", lg_system_name(sim->system), NULL);
-    app_result_text(out, "form", lg_system_form(sim->system), NULL);
-    app_json_text(out, "layout", lg_system_layout(sim->system));
-    app_result_text(out, "method", scheme->name, NULL);
+    APP_PUT(out, APP_TEXT("system", lg_system_name(sim->system), NULL),
+            APP_TEXT("form", lg_system_form(sim->system), NULL),
+            LG_AS_TEXT("layout", lg_system_layout(sim->system)), APP_TEXT("method", scheme->name, NULL));
     if (scheme->kind == LG_SCHEME_SLGI || scheme->kind == LG_SCHEME_IMPLICIT)
         app_result_real(out, "theta", scheme->theta, NULL);
     if (how->control.steps > 0) {
         app_result_real(out, "h", how->t_end / (double)how->control.steps, NULL);
     } else {
-        app_result_real(out, "rtol", how->control.rtol, NULL);
-        app_result_real(out, how->control.atol < 0 ? "atol_of_size" : "atol", fabs(how->control.atol), NULL);
+        APP_PUT(out, APP_REAL("rtol", how->control.rtol, NULL),
+                APP_REAL(how->control.atol < 0 ? "atol_of_size" : "atol", fabs(how->control.atol), NULL));
     }
-    app_result_size(out, "steps", what->run->stats.steps, NULL);
-    app_result_size(out, "rejected", what->run->stats.rejected, NULL);
-    app_result_size(out, "evaluations", what->run->stats.evaluations, "of the field");
-    app_result_real(out, "seconds", what->run->seconds, NULL);
-    app_result_real(out, "t", how->t_end, NULL);
+    APP_PUT(out, APP_WHOLE("steps", what->run->stats.steps, NULL),
+            APP_WHOLE("rejected", what->run->stats.rejected, NULL),
+            APP_WHOLE("evaluations", what->run->stats.evaluations, "of the field"),
+            APP_REAL("seconds", what->run->seconds, NULL), APP_REAL("t", how->t_end, NULL));
     put_state(out, "y", sim, what->path->y + (what->path->count - 1) * sim->dim);
     put_invariants(out, what->seen);
-    app_result_real(out, "manifold_error", what->seen->manifold, "largest violation of a constraint");
-    app_json_real(out, "max_angle", what->run->stats.max_angle);
+    APP_PUT(out, APP_REAL("manifold_error", what->seen->manifold, "largest violation of a constraint"),
+            LG_AS_REAL("max_angle", what->run->stats.max_angle));
     if (sim->scene.projected) app_json_real(out, "projection", sim->scene.projection);
     if (what->slope != NULL) put_gradient(out, what);
-    if (sim->values->out != NULL) {
-        app_result_text(out, "out", sim->values->out, NULL);
-        app_result_size(out, "points", what->path->kept, NULL);
-    }
+    if (sim->values->out != NULL)
+        APP_PUT(out, APP_TEXT("out", sim->values->out, NULL), APP_WHOLE("points", what->path->kept, NULL));
 }

@@ -47,15 +47,15 @@ lg_status integrate(const simulation *sim, const plan *how, const double *y0, do
     *out = (outcome){.t = 0};
     for (size_t i = 0; i < how->count * sim->dim; i++) rows[i] = (double)NAN;
     const lg_ode *ode = &sim->ode[lg_system_coordinates_for(how->scheme)];
-    lg_status status = lg_scheme_check(how->scheme, error);
-    if (status == LG_OK) status = lg_stepper_create(sim->self->context, how->scheme, ode, &stepper);
-    if (status != LG_OK) return status;
+    LG_TRY(lg_scheme_check(how->scheme, error));
+    LG_TRY(lg_stepper_create(sim->self->context, how->scheme, ode, &stepper));
     runner run = {how, out};
     lg_step_controller control = how->control;
     control.observe = observe_step;
     control.observer = &run;
     const double begin = app_seconds(), begin_cpu = cpu_seconds();
-    status = lg_integrate_adaptive(stepper, &control, 0, y0, how->times, how->count, rows, &out->stats);
+    const lg_status status =
+        lg_integrate_adaptive(stepper, &control, 0, y0, how->times, how->count, rows, &out->stats);
     out->seconds = app_seconds() - begin;
     out->cpu = cpu_seconds() - begin_cpu;
     lg_stepper_destroy(stepper);
@@ -204,7 +204,7 @@ static lg_status write_trajectory(const report *what, lg_error *error) {
     const app *self = what->sim->self;
     lg_provenance provenance = app_provenance(self, 0);
     lg_archive_writer to;
-    lg_file_writer *writer = NULL;
+    APP_CLEAN(lg_file_writer_destroy_at) lg_file_writer *writer = NULL;
     provenance.has_seed = false;
     LG_TRY(lg_file_writer_create(self->context, what->sim->values->out, "trajectory", &provenance, &writer,
                                  error));
@@ -212,9 +212,7 @@ static lg_status write_trajectory(const report *what, lg_error *error) {
     put_texts(what, &to);
     put_states(what, &to);
     put_invariants(what, &to);
-    const lg_status status = lg_file_writer_commit(writer, error);
-    lg_file_writer_destroy(writer);
-    return status;
+    return lg_file_writer_commit(writer, error);
 }
 
 /* ---- one run ---- */

@@ -85,12 +85,12 @@ static void choose_t_end(simulation *sim, const char *path) {
 void simulation_open(app *self, const simulate_values *values, const char *path, simulation *out) {
     lg_scene *scene = &out->scene;
     *out = (simulation){.self = self, .values = values};
-    APP_MUST_FILE(self, path, lg_scene_read(self->context, path, NULL, scene, &error));
+    APP_FILE(self, path, lg_scene_read, NULL, scene);
     /* A start is drawn at random only for the form hamiltonian; in an ensemble --vary and --members say what
      * is drawn. */
     if (!scene->has_initial && scene->line_form == 0 && values->ensemble == 0) {
         lg_scene_destroy(scene);
-        APP_MUST_FILE(self, path, lg_scene_read(self->context, path, "hamiltonian", scene, &error));
+        APP_FILE(self, path, lg_scene_read, "hamiltonian", scene);
     }
     out->system = scene->system;
     const char *form = lg_system_form(out->system);

@@ -7,7 +7,6 @@
 #include "common/app.h"
 #include "liegrad/integrators.h"
 #include "liegrad/mechanics.h"
-#include "liegrad/settings.h"
 #include "liegrad/taped.h"
 
 typedef struct simulate_values {

@@ -192,7 +192,7 @@ static void read_item(vary *self, char *text) {
 static void read_table(vary *self, const char *path) {
     const simulation *sim = self->sim;
     APP_CLEAN(lg_table_names_destroy) lg_table_names names = {.count = 0};
-    APP_MUST_FILE(sim->self, path, lg_table_names_read(sim->self->context, path, NULL, &names, &error));
+    APP_FILE(sim->self, path, lg_table_names_read, NULL, &names);
     APP_FREE const char **chosen = app_alloc(names.count, sizeof *chosen);
     self->column = app_keep(names.count, sizeof *self->column);
     for (uint32_t i = 0; i < names.count; i++) {
@@ -200,9 +200,7 @@ static void read_table(vary *self, const char *path) {
         if (!component_find(sim, chosen[i], &self->column[i])) refuse_name(sim, "members", chosen[i]);
         note_component(self, self->column[i]);
     }
-    APP_MUST_FILE(
-        sim->self, path,
-        lg_table_read(sim->self->context, path, chosen, names.count, NULL, NULL, &self->table, &error));
+    APP_FILE(sim->self, path, lg_table_read, chosen, names.count, NULL, NULL, &self->table);
     const lg_table_data *t = &self->table;
     for (size_t i = 0; i < t->rows * t->columns; i++)
         if (isnan(t->values[i]))
@@ -298,8 +296,7 @@ lg_status vary_draw(void *user, uint64_t member, double *y0, double *parameters)
         starts.starts = sim->scene.starts;
         starts.low = sim->scene.low;
         starts.high = sim->scene.high;
-        const lg_status status = lg_system_draw_start(sim->system, &starts, &rng, y0);
-        if (status != LG_OK) return status;
+        LG_TRY(lg_system_draw_start(sim->system, &starts, &rng, y0));
     }
     for (size_t i = 0; i < self->count; i++) {
         const vary_item *item = &self->items[i];

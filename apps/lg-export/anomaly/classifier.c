@@ -3,7 +3,6 @@
 #include "lg-export/anomaly/classifier.h"
 
 #include <math.h>
-#include <stddef.h>
 #include <string.h>
 
 enum { STACK = 1024, NAMED_FEATURES = 64 };
@@ -221,8 +220,7 @@ static void add_features_words(const classifier_job *j, text *to) {
         lg_text_add(to, "no principal components\n");
     for (uint32_t i = 0; i < j->d && j->d <= NAMED_FEATURES; i++) {
         char name[256];
-        const lg_series *names = j->file->names.channels == j->c->features.channels ? &j->file->names : NULL;
-        (void)lg_features_name(&j->c->features, names, i, name, sizeof name);
+        (void)lg_features_name(&j->c->features, &j->file->names, i, name, sizeof name);
         lg_text_add(to, "              %u: %s, mean %.6g, scale %.6g\n", i, name, pca->mean[i],
                     pca->scale[i]);
     }
@@ -272,20 +270,11 @@ static const char *const score_words[] = {
 
 static export_window window_of(const classifier_file *file) {
     const lg_classifier *c = &file->classifier;
-    const bool named = file->names.channels == c->features.channels;
-    return (export_window){.channels = c->features.channels,
-                           .length = c->features.length,
-                           .classes = c->classes,
-                           .healthy = file->run.healthy,
-                           .rate = file->names.rate,
-                           .class_name = file->names.class_name,
-                           .channel_name = named ? file->names.channel_name : NULL,
-                           .accuracy = file->accuracy,
-                           .f1 = file->f1,
-                           .scores = is_svm(c) || c->method == LG_METHOD_RIDGE ? "scores" : "probabilities",
-                           .score_words = score_words[!is_svm(c)        ? 0
-                                                      : c->classes == 2 ? 1
-                                                                        : 2]};
+    export_window out = {file->names, file->run.healthy, file->accuracy, file->f1, NULL, NULL};
+    out.names.length = c->features.length;
+    out.scores = is_svm(c) || c->method == LG_METHOD_RIDGE ? "scores" : "probabilities";
+    out.score_words = score_words[!is_svm(c) ? 0 : c->classes == 2 ? 1 : 2];
+    return out;
 }
 
 /* Makes the program and the derivative of its value, and prepares both for the golden vectors. */
@@ -293,19 +282,15 @@ static void open_program(classifier_job *j) {
     const char *const names[] = {"value", "adj1_value"};
     export_evaluation *const evaluations[] = {&j->value, &j->pull_back};
     lg_derivative adjoint;
-    lg_error error = {LG_OK, ""};
     lg_derivative_init(&adjoint);
     adjoint.kind = LG_DERIVATIVE_ADJOINT;
     adjoint.function = "value";
-    lg_status status = lg_classifier_program(j->self->context, j->c, &j->program, &error);
-    if (j->c->method != LG_METHOD_TREE && status == LG_OK)
-        status = lg_program_derive(j->program, &adjoint, &error);
-    for (size_t i = 0, at; i < lg_program_functions(j->program) - 1 && status == LG_OK; i++) {
-        status = lg_program_find(j->program, names[i], &at, &error);
-        if (status == LG_OK)
-            status = export_evaluation_open(j->program, at, LG_F64, 0, evaluations[i], &error);
+    EXPORT_MUST(j, lg_classifier_program(j->self->context, j->c, &j->program, &error));
+    if (j->c->method != LG_METHOD_TREE) EXPORT_MUST(j, lg_program_derive(j->program, &adjoint, &error));
+    for (size_t i = 0, at; i < lg_program_functions(j->program) - 1; i++) {
+        EXPORT_MUST(j, lg_program_find(j->program, names[i], &at, &error));
+        EXPORT_MUST(j, export_evaluation_open(j->program, at, LG_F64, 0, evaluations[i], &error));
     }
-    app_must_file(j->self, status, &error, j->source->options->file);
     j->outputs = lg_plan_output_count(j->value.plan, 0);
     const double eps = export_eps(j->source->options);
     for (size_t i = 0; i < lg_program_parameters(j->program); i++)
@@ -333,14 +318,12 @@ static void export_loaded(const app *self, const classifier_file *file, export_s
 }
 
 void export_classifier(const app *self, const char *path, export_source *source) {
-    lg_error error = {LG_OK, ""};
     classifier_file file;
-    lg_status status = classifier_file_load(self->context, path, &file, &error);
-    if (status == LG_OK && classifier_file_is_novelty(&file)) {
-        classifier_file_free(&file);
-        status = lg_fail(&error, LG_UNSUPPORTED, "%s: the method novelty is not exported as code", path);
-    }
-    app_must_file(self, status, &error, path);
+    APP_FILE(self, path, classifier_file_load, &file);
+    if (classifier_file_is_novelty(&file))
+        APP_MUST_FILE(
+            self, path,
+            lg_fail(&error, LG_UNSUPPORTED, "%s: the method novelty is not exported as code", path));
     export_loaded(self, &file, source);
     classifier_file_free(&file);
 }

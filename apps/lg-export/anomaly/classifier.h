@@ -4,7 +4,6 @@
 
 #include "common/classifier_file.h"
 #include "lg-export/window.h"
-#include "liegrad/classify.h"
 
 /* The classifier that is being exported. */
 typedef struct classifier_job {

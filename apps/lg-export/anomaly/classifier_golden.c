@@ -6,9 +6,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "liegrad/core.h"
-#include "liegrad/series.h"
-
 enum { GOLDEN_STREAM = 0x636c6173 };
 static const double PI = 3.14159265358979323846;
 

@@ -16,16 +16,8 @@ static size_t depth_of(const void *contents) {
 
 static void describe(const void *contents, export_window *out) {
     const lg_detector_file *file = contents;
-    const lg_detector *model = &file->run.model;
-    *out = (export_window){.channels = model->net.channels,
-                           .length = model->net.length,
-                           .classes = model->classes,
-                           .healthy = file->run.healthy,
-                           .rate = file->names.rate,
-                           .class_name = file->names.class_name,
-                           .channel_name = file->names.channel_name,
-                           .accuracy = file->accuracy,
-                           .f1 = file->f1};
+    *out = (export_window){file->names, file->run.healthy, file->accuracy, file->f1, NULL, NULL};
+    out->names.length = file->run.model.net.length;
 }
 
 /* ---- description in NAME.h ---- */
@@ -57,7 +49,7 @@ static void tell(export_model *m) {
     const lg_detector_file *file = m->file->contents;
     const lg_detector *model = &file->run.model;
     export_source *source = m->source;
-    export_window window = {.channels = 0};
+    export_window window;
     const bool mse = model->loss == LG_DETECTOR_MSE;
     text *to = &source->about;
     describe(file, &window);
@@ -67,7 +59,7 @@ static void tell(export_model *m) {
         to,
         mse ? "outputs y (1): the logit of class 1 against class 0; its probability is 1/(1 + exp(-y))."
             : "outputs y (%u): a logit a class; probabilities are exp(y_i)/sum_j exp(y_j).",
-        window.classes);
+        window.names.classes);
     lg_text_add(
         to, " Gradient: d y/d x, one row an output, by the window as recorded. ReLU and maxima have the "
             "derivative of the branch that is taken: within rounding of a kink it may be the other one.\n\n");

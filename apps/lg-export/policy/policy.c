@@ -84,7 +84,7 @@ static void tell(const export_policy_job *j) {
 
 static void open_policy(const app *self, const char *path, export_source *source, export_policy_job *out) {
     *out = (export_policy_job){.self = self, .source = source, .declarations = app_text()};
-    APP_MUST_FILE(self, path, lg_policy_load(self->context, path, NULL, &out->policy, &out->text, &error));
+    APP_FILE(self, path, lg_policy_load, NULL, &out->policy, &out->text);
     out->task = lg_policy_task_of(out->policy);
     out->inputs = out->task->input_count;
     lg_policy_lay_out(out->task, &out->layout);
@@ -160,7 +160,7 @@ lg_var export_policy_inverse(lg_tape *tape, const export_policy_job *j, lg_var x
 /* ---- C ---- */
 
 static void load_program(export_policy_job *j, const char *path) {
-    APP_MUST_FILE(j->self, path, lg_program_load(j->self->context, path, NULL, &j->program, &error));
+    APP_FILE(j->self, path, lg_program_load, NULL, &j->program);
     j->state = export_numbers(export_ports_of(j->program, "period").in, 1);
     /* export_whole rounds again, and counts what is lost. */
     const size_t lost = j->source->lost;

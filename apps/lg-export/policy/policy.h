@@ -19,9 +19,6 @@ typedef struct export_policy_job {
     text declarations; /* Of functions that are not in the program, for NAME.h. */
 } export_policy_job;
 
-/* Ends the command if the call fails; the message names the policy's file. */
-#define EXPORT_POLICY_MUST(job, call) APP_MUST_FILE((job)->self, (job)->source->options->file, call)
-
 /* ---- runs of the library (policy_loop.c) ---- */
 
 /* A run of the library: what the controller sees (periods + 1, given + velocities), its inputs (periods,

@@ -103,7 +103,7 @@ static void add_function(const adaptation *a) {
     in[2].name = "next";
     const lg_function_spec adapt = {
         "adapt", in, 4, &(lg_port){.name = "kept"}, 1, record_adapt, (void *)(uintptr_t)a};
-    EXPORT_POLICY_MUST(j, lg_program_add_function(j->program, &adapt, &error));
+    EXPORT_MUST(j, lg_program_add_function(j->program, &adapt, &error));
 }
 
 /* ---- ranges, from a run of the library ---- */
@@ -118,8 +118,8 @@ static void find_ranges(const export_policy_job *j, adaptation *a, const export_
         memcpy(q + k * n, path->seen + k * 2 * n, n * sizeof *q);
         memcpy(v + k * n, path->seen + k * 2 * n + n, n * sizeof *v);
     }
-    EXPORT_POLICY_MUST(j, lg_program_eval(j->self->context, j->program, "momenta", rows,
-                                          (const double *const[]){q, v}, (double *const[]){p}, &error));
+    EXPORT_MUST(j, lg_program_eval(j->self->context, j->program, "momenta", rows,
+                                   (const double *const[]){q, v}, (double *const[]){p}, &error));
     for (size_t i = 0; i < n; i++) {
         double force = 0, speed = 0, rate = 0;
         for (size_t k = 0; k < path->periods; k++) {

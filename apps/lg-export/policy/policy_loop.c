@@ -31,8 +31,8 @@ static void open_loop(const export_policy_job *j, export_loop *l) {
     if (weights > 0)
         memcpy(l->seen + seen, lg_program_parameter(j->program, n - 1).values, weights * sizeof *l->seen);
     for (size_t i = 0, at; i < (l->moves ? EVALUATIONS : SEEN); i++) {
-        EXPORT_POLICY_MUST(j, lg_program_find(j->program, names[i], &at, &error));
-        EXPORT_POLICY_MUST(
+        EXPORT_MUST(j, lg_program_find(j->program, names[i], &at, &error));
+        EXPORT_MUST(
             j, export_evaluation_open(j->program, at, i == NARROW ? LG_F32 : LG_F64, 0, &l->e[i], &error));
     }
 }
@@ -61,7 +61,7 @@ static void step(export_loop *l, bool single, double *x, double *u) {
 /* Ends the command if the starts cannot be drawn. */
 static void draw_starts(const export_policy_job *j, uint64_t stream, size_t count, lg_rng *rng, double *x) {
     lg_rng_seed(rng, j->source->options->seed, stream);
-    EXPORT_POLICY_MUST(j, lg_policy_starts(j->policy, rng, count, x, NULL, &error));
+    EXPORT_MUST(j, lg_policy_starts(j->policy, rng, count, x, NULL, &error));
 }
 
 export_path export_loop_run(const export_policy_job *j, uint64_t stream, const double *noise,
@@ -192,7 +192,7 @@ static void add_plant(const export_policy_job *j, text *to) {
     how.compact = true;
     for (size_t i = 0; i < how.function_count; i++)
         (void)lg_program_find(j->program, names[i], &functions[i], NULL);
-    EXPORT_POLICY_MUST(j, lg_program_write_c(j->program, &how, &c, &error));
+    EXPORT_MUST(j, lg_program_write_c(j->program, &how, &c, &error));
     lg_text_add(to, "/* ---- the plant, for the closed loop: always in double precision ---- */\n\n%s\n",
                 c->sizes);
     /* The code calls its type of numbers `real`, which is the controller's type here. */

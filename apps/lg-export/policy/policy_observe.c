@@ -100,9 +100,9 @@ static void add_functions(const filter *f) {
     const lg_function_spec step = {"observe_step",      in, 2, &(lg_port){.name = "next"}, 1, record_step,
                                    (void *)(uintptr_t)j},
                            observe = {"observe", seen, 3, &out, 1, record_observe, (void *)(uintptr_t)f};
-    EXPORT_POLICY_MUST(j, lg_program_add_function(j->program, &step, &error));
+    EXPORT_MUST(j, lg_program_add_function(j->program, &step, &error));
     (void)export_derive(j->self, j->program, LG_DERIVATIVE_JACOBIAN, "observe_step");
-    EXPORT_POLICY_MUST(j, lg_program_add_function(j->program, &observe, &error));
+    EXPORT_MUST(j, lg_program_add_function(j->program, &observe, &error));
 }
 
 /* ---- the filter's numbers ---- */

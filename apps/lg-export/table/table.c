@@ -24,7 +24,7 @@ static void draw(export_model *m, double *x, size_t v) {
 }
 
 static void give_names(const void *contents, export_window *out) {
-    out->class_name = ((const lg_table_file *)contents)->output_name;
+    out->names.class_name = ((const lg_table_file *)contents)->output_name;
 }
 
 /* ---- description in NAME.h ---- */
