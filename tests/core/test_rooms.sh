@@ -1,7 +1,7 @@
 #!/bin/bash
 # The rooms of src/ may include each other only along the arrows of docs/architecture.md. The files and folders that this
-# page names must exist: at the given path, or, if no folder is given, anywhere in src or apps. The folders of tests are
-# the rooms of src, and some others.
+# page names must exist: at the given path, or, if no folder is given, anywhere in src or apps. Functions that
+# docs/formulas.md names are in their files. The folders of tests are the rooms of src, and some others.
 set -u
 cd "$(dirname "$0")/../../src" || exit 1
 
@@ -77,4 +77,9 @@ for name in $(grep -o '`[a-z0-9_./-]*`' docs/architecture.md | tr -d '`' | grep 
         *) find src apps -name "$name" | grep -q . ;;
     esac || { echo "docs/architecture.md names $name: there is no such file"; wrong=1; }
 done
+while read -r name function; do
+    file=src/$name
+    [ -e "$file" ] || file=$name
+    grep -qw "$function" "$file" || { echo "docs/formulas.md: $name has no $function"; wrong=1; }
+done < <(grep -oE '`[a-z0-9_./-]+\.(c|h|inc)` [A-Za-z0-9_]+' docs/formulas.md | tr -d '`')
 exit $wrong
