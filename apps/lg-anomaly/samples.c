@@ -118,7 +118,8 @@ static bool is_timed(const sample_reader *reader, uint32_t column) {
 
 /* If the first sample has a damaged time, the next one decides the format. */
 static double read_time(sample_reader *reader, lg_moment now) {
-    const double value = lg_clock_read(&reader->clock, now);
+    const bool packed = now.format == LG_TIME_SECONDS && lg_moment_is_packed(now.seconds);
+    const double value = packed ? (double)NAN : lg_clock_read(&reader->clock, now);
     if (isnan(value) && reader->lines < 2) reader->clock = (lg_clock){.format = LG_TIME_NONE};
     return value;
 }
@@ -130,11 +131,14 @@ static bool add_field(sample_reader *reader, double value) {
     return reader->fields <= reader->channels + 1;
 }
 
+/* A number in quotes with something behind them is no word. */
 static bool reject_word(sample_reader *reader, const char *word) {
     int n = 0;
+    double number;
+    const char *end = *word == '"' ? lg_decimal(word + 1, &number) : NULL;
     while (!ends_field(reader, word[n]) && n < 23) n++;
     (void)snprintf(reader->problem, sizeof reader->problem, "'%.*s' is not a number", n, word);
-    reader->words = true;
+    reader->words = end == NULL || *end != '"';
     return false;
 }
 

@@ -118,7 +118,7 @@ typedef struct export_source {
             text products; /* What the Makefile builds besides the objects: names, each after a blank. */
             text rules;    /* Rules that build these products, for the end of the Makefile. */
         };
-        text texts[18]; /* all of these */
+        text texts[18]; /* all of these; source.c checks their number */
     };
     size_t inputs, outputs;
     /* True for a program: its functions keep their own names, there is no NAME_eval or NAME_grad. All sizes

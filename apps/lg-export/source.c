@@ -177,6 +177,9 @@ void export_provenance(export_source *source, const lg_provenance *provenance, c
 
 void export_source_begin(export_source *source, const export_options *options) {
     *source = (export_source){.options = options, .condition = 1};
+    _Static_assert(sizeof source->texts + offsetof(export_source, texts) ==
+                       offsetof(export_source, rules) + sizeof source->rules,
+                   "texts has all texts");
     for (size_t i = 0; i < LG_COUNT(source->texts); i++) source->texts[i] = app_text();
 }
 

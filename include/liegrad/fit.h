@@ -91,16 +91,16 @@ typedef struct lg_fit_problem {
     /* Records the contribution of these samples to the loss of the batch: the contributions of all parts of a
      * batch add up to its loss. So if the loss is a mean, it records the sum over the `count` samples,
      * divided by `batch`. theta is a flat variable (rank 1) of the tape's type; *loss is a variable with one
-     * element. NULL: the sum of the squares of `residuals`. */
+     * element. NULL: the sum of the squares of `residuals`, which then serve all methods. */
     lg_status (*loss)(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                       size_t batch, lg_var *loss);
     void *user; /* passed to all callbacks */
     /* If > 0, the last `validation` samples are the validation part, and lg_fit_options.validation must be 0.
      * If 0, lg_fit_options.validation decides. */
     size_t validation;
-    /* For LG_FIT_LM; NULL if the loss is no sum of squares. Records residuals r of the samples, of any shape,
-     * such that the sum of all r_i^2 equals what `loss` gives. With `own` or `rows`, r has one row per
-     * sample: (count, ...). */
+    /* For LG_FIT_LM, and for all methods without `loss`; NULL if the loss is no sum of squares. Records
+     * residuals r of the samples, of any shape, such that the sum of all r_i^2 is the loss. With `own` or
+     * `rows`, r has one row per sample: (count, ...). */
     lg_status (*residuals)(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                            size_t batch, lg_var *r);
     /* For LG_FIT_LM. If > 0, the last own * samples elements of theta belong to single samples: the first
@@ -131,7 +131,7 @@ typedef struct lg_fit_problem {
      * of inputs (lg_input, lg_input_buffer) differ. lg_fit then makes a plan (liegrad/program.h) of the
      * loss and its gradient. In fits of machines a plan is faster than the tape for every width of the
      * layers. A plan of convolutions or of Lie group maps is slower than the tape (docs/reports/speed.md).
-     * Results of a plan differ from results of the tape by rounding. lg_fit_create calls `loss` once. If
+     * Results of a plan differ from results of the tape by rounding. lg_fit_create records the loss once. If
      * `loss` reads values from the tape, lg_fit uses the tape. */
     bool repeats;
     /* May be NULL. It tells whether a model is dead, that is, whether it cannot learn any more
@@ -381,9 +381,10 @@ LG_API bool lg_fit_by_plans(const lg_fit *fit);
 /* Returns the bytes that the tapes and plans of all shards of this process hold. */
 LG_API size_t lg_fit_tape_size(const lg_fit *fit);
 
-/* The loss of all samples but the validation part, as one batch, in double precision: problem->loss is
+/* The loss of all samples but the validation part, as one batch, in double precision,
  * recorded for problem->chunk samples at a time. Of the problem only parameters, samples, validation, chunk,
- * loss and user are read. Errors: the status of the loss callback or of the tape, with its sentence. */
+ * loss, user and, without a loss, residuals are read. Errors: the status of the callback or of the tape, with
+ * its sentence. */
 LG_API lg_status lg_fit_problem_loss(const lg_context *context, const lg_fit_problem *problem,
                                      const double *theta, double *loss, lg_error *error);
 
@@ -399,10 +400,10 @@ typedef struct lg_fit_newton_result {
 /* Minimises the loss of all samples to rounding by lg_minimise (liegrad/minimise.h), whose last steps are
  * Newton's, with a Hessian from differences of gradients, where there are at most 200 parameters. theta
  * (problem->parameters doubles) is the start on entry and the result on return. Of the problem only
- * parameters, samples, loss and user are read. All samples are on one tape of doubles. `result` may be NULL.
- * Returns LG_OK also where lg_minimise returns LG_NO_CONVERGENCE. On failure theta is unchanged. Errors:
+ * parameters, samples, loss, user and, without a loss, residuals are read. All samples are on one tape of
+ * doubles. `result` may be NULL. Returns LG_OK also where lg_minimise returns LG_NO_CONVERGENCE. On failure theta is unchanged. Errors:
  * LG_INVALID_ARGUMENT (no samples, or the number of parameters is not in 1..LG_NEWTON_MAX_PARAMETERS),
- * LG_NOT_FINITE, LG_CANCELLED, the status of the loss callback or of the tape. */
+ * LG_NOT_FINITE, LG_CANCELLED, the status of the callback or of the tape. */
 LG_API lg_status lg_fit_newton(const lg_context *context, const lg_fit_problem *problem, double *theta,
                                lg_fit_newton_result *result);
 

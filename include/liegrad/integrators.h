@@ -102,6 +102,8 @@ typedef struct lg_space {
     size_t dim;         /* Numbers in a state. */
     size_t algebra_dim; /* Numbers in an algebra element. */
     size_t tangent_dim; /* Numbers in the tangent coordinates of a vector. */
+    /* Bit i: factor i is R^3m, and each three of its numbers are a vector. 0 after lg_space_init. */
+    uint32_t vectors;
 } lg_space;
 
 /* Returns the entry of a kind of factor; NULL when `kind` is not one of the enumeration. The entry is
@@ -415,9 +417,11 @@ typedef struct lg_step_controller {
      *   change the velocity of that group; it is measured once, at the start, by one more evaluation of the
      *   field.
      *
-     * A group is a set of numbers with one unit: each single coordinate of R^n; q and p of each copy of
-     * T*S^2; R of SO(3); R and r of SE(3); x of so(3)*; G and P of se(3)*. Where the space is R^n and the
-     * ode has a `manifold`, the groups are those of the manifold. */
+     * A group is a set of numbers with one unit: each single coordinate of R^n, or each of its vectors
+     * (lg_space.vectors); q and p of each copy of T*S^2; R of SO(3); R and r of SE(3); x of so(3)*; G and P
+     * of se(3)*. Where the space is R^n and the ode has a `manifold`, the groups are those of the manifold.
+     * With atol < 0 a coordinate of R^n that begins at 0 and rises as a high power of the time needs short
+     * first steps; above the order of the scheme no step is short enough. */
     double rtol, atol;
     double safety;     /* In (0, 1); default 0.9. */
     double factor_min; /* In (0, 1); default 0.2. */

@@ -158,19 +158,6 @@ static lg_status put_text(lg_frame *f, size_t row, uint32_t column, const char *
     return LG_OK;
 }
 
-/* Fails for a date without separators (YYYYMMDDhhmmss): as seconds it would be 600 000 years. */
-static lg_status check_time(const lg_frame *f, size_t row, uint32_t column, double seconds, lg_error *error) {
-    char text[LG_SHORTEST];
-    const int64_t n = seconds > 0.0 && seconds < 1e15 ? (int64_t)seconds : 0, date = n / 1000000;
-    const bool dated = date >= 19000101 && date <= 21891231 && date / 100 % 100 <= 12 && date % 100 <= 31;
-    if (!dated || n / 10000 % 100 > 23 || n / 100 % 100 > 59 || n % 100 > 59) return LG_OK;
-    lg_format_shortest(text, seconds, false);
-    return lg_frame_fail(f, row, f->name[column], error,
-                         "%s is a date without separators: write dates as 2024-03-01T12:00:00, or times in "
-                         "seconds",
-                         text);
-}
-
 static lg_status read_number(lg_frame *f, size_t row, uint32_t column, const char *cell, double *out,
                              lg_error *error) {
     static const char *const formats_of_times[] = {[LG_TIME_SECONDS] = "number of seconds",
@@ -192,7 +179,7 @@ static lg_status read_number(lg_frame *f, size_t row, uint32_t column, const cha
                                  "'%s' is a %s, but %s %zu has a %s: write all times in one format", show,
                                  formats_of_times[now.format], f->place, clock->line,
                                  formats_of_times[clock->format]);
-        if (isfinite(*out)) return check_time(f, row, column, *out, error);
+        if (isfinite(*out)) return LG_OK;
     }
     const lg_status status = lg_number_parse(cell, out);
     if (status == LG_OK || (status == LG_UNSUPPORTED && f->ours)) return LG_OK;
@@ -239,7 +226,7 @@ lg_status lg_frame_put_number(lg_frame *f, size_t row, uint32_t column, char typ
     if (whole && use->clock == NULL && lg_whole_is_rounded(magnitude))
         return fail_rounded(f, row, column, text, error);
     f->value[row * f->width + use->value - 1] = value;
-    return use->clock != NULL ? check_time(f, row, column, value, error) : LG_OK;
+    return LG_OK;
 }
 
 /* ---- the file ---- */

@@ -71,6 +71,13 @@ const char *lg_moment_scan(const char *text, lg_moment *out) {
     return lg_decimal(text, &out->seconds);
 }
 
+bool lg_moment_is_packed(double number) {
+    const int64_t n = number > 0.0 && number < 1e15 ? (int64_t)number : 0, date = n / 1000000;
+    const int64_t month = date / 100 % 100, day = date % 100;
+    return date >= 19000101 && date <= 21891231 && month >= 1 && month <= 12 && day >= 1 && day <= 31 &&
+           n / 10000 % 100 < 24 && n / 100 % 100 < 60 && n % 100 < 60;
+}
+
 double lg_clock_read(lg_clock *clock, lg_moment now) {
     if (clock->format == LG_TIME_NONE) {
         clock->format = now.format;

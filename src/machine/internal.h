@@ -34,7 +34,7 @@ lg_machine_places lg_machine_parts(const lg_machine *machine);
 typedef struct lg_machine_offsets {
     uint32_t place, direction, rotation, momentum, position, velocity;
     uint32_t places, directions, rotations, positions, velocities;
-    uint32_t index, next;
+    uint32_t index, next; /* next: of the next coordinate */
     bool angle;
 } lg_machine_offsets;
 /* Goes from {0} to the first coordinate and on to the next one, or behind the last one; returns whether there

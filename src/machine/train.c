@@ -207,7 +207,7 @@ static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const 
     return lg_tape_status(tape);
 }
 
-/* The loss for the steps' own error: the difference between predictions with the substeps and with
+/* As the loss, but of the steps' own error: the difference between predictions with the substeps and with
  * twice as many, times 2^p/(2^p - 1) for a scheme of order p. */
 static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                              size_t batch, lg_var *floor) {

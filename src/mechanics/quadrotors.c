@@ -22,7 +22,8 @@
  *
  *   u_i = (w_i.R_i e3) R_i e3,   R_i' = hat(R_i Omega_i) R_i,   J Omega_i' = -Omega_i x J Omega_i + M_i
  *   R_c = [b_2 x b_3, b_2, b_3],   b_3 = -w_i/|w_i|,   b_2 the direction of b_3 x e_1
- *   M_i = -kR e_R - kOmega Omega_i,   2 e_R = (R_c^T R_i - R_i^T R_c)^vee = R_i^T sum_j R_c e_j x R_i e_j
+ *   M_i = -kR e_R - kOmega Omega_i + Omega_i x J Omega_i
+ *   2 e_R = (R_c^T R_i - R_i^T R_c)^vee = R_i^T sum_j R_c e_j x R_i e_j
  *   v' = x + g e3 + dx with M_q dx = sum_i q_i q_i.l_i, l_i = u_i - w_i
  *   omega_i' = c_i + q_i x (m_i dx - l_i)/(m_i L_i)
  *
@@ -105,6 +106,7 @@ const lg_system_row lg_system_row_quadrotors = {
     .parameters = parameters,
     .state = links_state,
     .factor = {{LG_SPACE_RN, 6}, {LG_SPACE_TS2, 2}},
+    .vectors = 1 << 0,
     LG_FIELDS(quadrotors),
 };
 
@@ -119,5 +121,6 @@ const lg_system_row lg_system_row_quadrotor_bodies = {
                {LG_SPACE_RN, 3},
                {LG_SPACE_SO3, 1},
                {LG_SPACE_RN, 3}},
+    .vectors = 1 << 0 | 1 << 3 | 1 << 5,
     LG_FIELDS(quadrotors),
 };

@@ -270,7 +270,9 @@ static lg_status make_space(const lg_system_row *row, size_t links, lg_space *ou
         factor[n] = row->factor[n];
         if (factor[n].count == 0) factor[n].count = links;
     }
-    return lg_space_init(out, factor, n);
+    LG_TRY(lg_space_init(out, factor, n));
+    out->vectors = row->vectors;
+    return LG_OK;
 }
 
 static lg_status make(const lg_context *context, const lg_system_row *row, const lg_system_options *options,

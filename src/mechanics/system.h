@@ -33,6 +33,7 @@ typedef struct lg_system_row {
     size_t unreported;                    /* numbers at the end of the state that are not reported */
     /* The factors of the space; the list ends with zeros. A count of 0 is one copy per link. */
     lg_space_factor factor[LG_SPACE_MAX_FACTORS + 1];
+    uint32_t vectors; /* lg_space.vectors */
     /* Two counts, of which a system with links has as many per link: numbers that `prepare` derives from the
      * parameters, and doubles of workspace. */
     size_t constants, work;

@@ -64,7 +64,7 @@ static bool fraction(double x) {
 
 static lg_status check_problem(const lg_fit_problem *problem, lg_error *error) {
     if (problem == NULL || (problem->loss == NULL && problem->residuals == NULL))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has no loss function");
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has neither a loss function nor residuals");
     if (problem->parameters == 0 || problem->parameters > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the problem has %zu parameters; 1 to 2^32 - 1 are possible", problem->parameters);

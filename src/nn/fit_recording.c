@@ -41,6 +41,14 @@ size_t lg_fit_recordings_size(const lg_shard *shard, size_t *plans) {
     return bytes;
 }
 
+lg_status lg_fit_record_loss(const lg_fit_problem *problem, lg_tape *tape, lg_var theta,
+                             const uint32_t *samples, size_t count, size_t batch, lg_var *loss) {
+    if (problem->loss != NULL) return problem->loss(problem->user, tape, theta, samples, count, batch, loss);
+    LG_TRY(problem->residuals(problem->user, tape, theta, samples, count, batch, loss));
+    *loss = lg_sum(tape, lg_square(tape, *loss));
+    return lg_tape_status(tape);
+}
+
 static lg_status record(const lg_fit *fit, lg_tape *tape, const uint32_t *samples, size_t count,
                         lg_var *theta, lg_var *loss) {
     *theta = lg_parameter(tape, lg_shape1((uint32_t)fit->problem.parameters), fit->point);

@@ -25,14 +25,6 @@ static size_t chunk_of(const lg_fit *fit) {
     return fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
 }
 
-lg_status lg_fit_record_loss(const lg_fit_problem *problem, lg_tape *tape, lg_var theta,
-                             const uint32_t *samples, size_t count, size_t batch, lg_var *loss) {
-    if (problem->loss != NULL) return problem->loss(problem->user, tape, theta, samples, count, batch, loss);
-    LG_TRY(problem->residuals(problem->user, tape, theta, samples, count, batch, loss));
-    *loss = lg_sum(tape, lg_square(tape, *loss));
-    return lg_tape_status(tape);
-}
-
 /* Adds loss and gradient of `count` samples to the shard's; its first chunk overwrites the gradient. */
 static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
     lg_tape *tape = shard->tape;

@@ -21,7 +21,7 @@ typedef struct lg_result {
     size_t size;
     char bracket; /* one of [ { ] }; 0: the entry is none */
     bool people;  /* a cell that only the table for people has */
-    bool shown;   /* people see a line with the label; only in lists (APP_PUT) */
+    bool shown;   /* people see a line with the label, of a list of numbers too */
 } lg_result;
 
 /* Entries without a label. */

@@ -280,6 +280,10 @@ TEST("missing values are lost samples, and other lines are malformed") {
         if (is_lost != (strstr(result.err, "line 21: ") == NULL)) fail_msg("'%s': %s", line, result.err);
     }
     begin();
+    add("\"5\"\" pipe\",1\n"); /* a first line that is damaged holds no names */
+    add_plain(0, 40);
+    watch_rows("", "received 40, absent 0, not_finite 0, malformed 1");
+    begin();
     add("1,2,3,4\n"); /* no sample is lost before the first one */
     add_plain(0, 40);
     watch_rows("", "received 40, absent 0, not_finite 0, malformed 1");
@@ -430,6 +434,9 @@ TEST("times may be dates or times of day; a first line that begins within a date
         assert_close(json_number(line_of(0), "time"), 7.8, 1e-9, 0);
         if (within) assert_says(result.err, "line 2: the time is not a number");
     }
+    begin();
+    for (int i = 0; i < 40; i++) add("202403011200%02d,1,2\n", i);
+    watch_words("", 3, "no line holds 2 numbers, or 3 with a time");
 }
 
 TEST("a single wrong time costs only its own line; repeated ones are a jump of the clock") {

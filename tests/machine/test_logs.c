@@ -186,6 +186,12 @@ TEST("times of a log may be dates or times of day, which have no scale") {
     assert_true(logs->t[0] == 0 && logs->t[1] == 0.5 && logs->dt_median == 0.5);
     refuse_text(machine(LINE "scale: {t: 0.001}\n"), dates, "column t: has dates or times of day",
                 "remove its scale, 0.001");
+    static const char packed[] = "t,q,v\n20240229235959,1,5\n20240301000000.5,2,6\n";
+    refuse_text(machine(LINE), packed, "line 2: column t: 20240229235959 is a date without separators",
+                "write dates as 2024-03-01T12:00:00");
+    assert_int_equal(read_text(machine(LINE "scale: {t: 1e-9}\n"), packed)->rows_read, 2);
+    assert_int_equal(read_text(machine(LINE), "t,q,v\n20240001123456,1,5\n20240001123457,2,6\n")->rows_read,
+                     2);
 }
 
 /* ---- runs and parts ---- */

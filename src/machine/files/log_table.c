@@ -87,6 +87,11 @@ static lg_status append_rows(lg_log_table *t, uint32_t file, const lg_frame *f) 
         before = name;
         t->out->rows_read++;
         if (isnan(values[f->want[time].first])) continue;
+        if (columns[time].scale == 1 && lg_moment_is_packed(values[f->want[time].first]))
+            return lg_frame_fail(f, row, columns[time].name, t->error,
+                                 "%.17g is a date without separators: write dates as 2024-03-01T12:00:00, or "
+                                 "times in seconds",
+                                 values[f->want[time].first]);
         t->origin[t->rows] = (lg_log_origin){f->line[row], file, t->out->runs - 1};
         for (uint32_t i = 0; i < t->columns; i++) {
             to[i] = i == run ? 0 : values[f->want[i].first] * columns[i].scale;

@@ -393,8 +393,8 @@ static lg_status read_trial(const lg_frame *f, size_t row, const lg_search_space
     for (size_t i = 0; i < f->texts; i++) {
         char *cell = f->text[row * f->texts + i];
         if (!parse_cell(space, i, cell, trial))
-            return lg_frame_fail(f, row, f->name[i], error, "'%s' is not what a search writes here: remove the row",
-                                 lg_tamed(cell));
+            return lg_frame_fail(f, row, f->name[i], error,
+                                 "'%s' is not what a search writes here: remove the row", lg_tamed(cell));
     }
     for (size_t i = 0; i < count; i++)
         if (trials[i].number == trial->number)
