@@ -401,9 +401,9 @@ typedef struct lg_fit_newton_result {
  * Newton's, with a Hessian from differences of gradients, where there are at most 200 parameters. theta
  * (problem->parameters doubles) is the start on entry and the result on return. Of the problem only
  * parameters, samples, loss, user and, without a loss, residuals are read. All samples are on one tape of
- * doubles. `result` may be NULL. Returns LG_OK also where lg_minimise returns LG_NO_CONVERGENCE. On failure theta is unchanged. Errors:
- * LG_INVALID_ARGUMENT (no samples, or the number of parameters is not in 1..LG_NEWTON_MAX_PARAMETERS),
- * LG_NOT_FINITE, LG_CANCELLED, the status of the callback or of the tape. */
+ * doubles. `result` may be NULL. Returns LG_OK also where lg_minimise returns LG_NO_CONVERGENCE. On failure
+ * theta is unchanged. Errors: LG_INVALID_ARGUMENT (no samples, or the number of parameters is not in
+ * 1..LG_NEWTON_MAX_PARAMETERS), LG_NOT_FINITE, LG_CANCELLED, the status of the callback or of the tape. */
 LG_API lg_status lg_fit_newton(const lg_context *context, const lg_fit_problem *problem, double *theta,
                                lg_fit_newton_result *result);
 

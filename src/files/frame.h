@@ -65,8 +65,8 @@ typedef struct lg_clock {
 } lg_clock;
 /* Reads a time at the beginning of a text that may go on. Returns its end, or NULL if no time is there. */
 const char *lg_moment_scan(const char *text, lg_moment *out);
-/* Returns whether a number reads as a date without separators (YYYYMMDDhhmmss); as seconds it would be 600 000
- * years. */
+/* Returns whether a number reads as a date without separators (YYYYMMDDhhmmss); as seconds it would be
+ * 600 000 years. */
 bool lg_moment_is_packed(double number);
 /* Returns the seconds: a number stays as it is; for a date or a time of day they count from the first time,
  * exact to nanoseconds. Returns NaN if the format differs from that of the first time. If a time of day lies

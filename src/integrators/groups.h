@@ -1,6 +1,6 @@
 /* The groups of a state. A group is a run of numbers that have the same unit, so that their sizes can be
- * compared. On R^n each coordinate is a group, or each three (lg_space.vectors). In each copy of another space the groups are: T*S^2 q and p;
- * SO(3) R; SE(3) R and r; so(3)* x; se(3)* G and P. */
+ * compared. On R^n each coordinate is a group, or each three (lg_space.vectors). In each copy of another
+ * space the groups are: T*S^2 q and p; SO(3) R; SE(3) R and r; so(3)* x; se(3)* G and P. */
 #ifndef LG_GROUPS_H
 #define LG_GROUPS_H
 
