@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "nn/search.h"
 #include "settings/settings.h"
 
 enum { SHOWN_TRIALS = 10, MOST_CHECKED = 10000 };

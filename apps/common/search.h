@@ -5,7 +5,7 @@
 
 #include "common/train.h"
 #include "common/trials.h"
-#include "nn/search.h"
+#include "liegrad/settings.h"
 
 typedef struct search_values {
     const char *out;

@@ -1,6 +1,7 @@
 /* lg-anomaly train --classifier cnn, and lg-anomaly search, a search over options of cnn or rocket. */
 #include "common/verbs.h"
 #include "lg-anomaly/train.h"
+#include "nn/search.h"
 
 /* Returns the network as a model. `theta` are its parameters; there is no plan, because plots do not need
  * one. */

@@ -1,6 +1,7 @@
 /* lg-elastica: computes equilibria of a clamped beam, and trains networks that compute them. */
 #include "common/verbs.h"
 #include "lg-elastica/beam.h"
+#include "nn/search.h"
 
 static lg_surrogate_run run; /* everything that determines the result */
 

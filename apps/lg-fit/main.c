@@ -5,6 +5,7 @@
 #include "common/verbs.h"
 #include "files/csv.h"
 #include "liegrad/series.h"
+#include "nn/search.h"
 #include "table/files/recipe.h"
 
 enum { PANELS = 4, POINTS = 5000 };

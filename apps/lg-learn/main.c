@@ -4,6 +4,7 @@
 
 #include "common/verbs.h"
 #include "files/csv.h"
+#include "nn/search.h"
 
 /* ---- the recipe and its options ---- */
 

@@ -384,6 +384,39 @@ TEST("a loss that is not finite is an error at the start, and later shortens the
     assert_message(&error, "loss is NaN");
 }
 
+TEST("each setting of a training is in the options of the fit") {
+    lg_fit_settings s = {.dtype = LG_F32,
+                         .epochs = 2,
+                         .batch = 3,
+                         .lr = 4,
+                         .schedule = LG_SCHEDULE_STEP,
+                         .lr_step = 5,
+                         .lr_gamma = 6,
+                         .weight_decay = 7,
+                         .prior = 8,
+                         .adam_eps = 9,
+                         .clip = 10,
+                         .validation = 0.5,
+                         .patience = 11,
+                         .shards = 12,
+                         .seed = 13};
+    lg_fit_options o;
+    s.plan = (lg_fit_plan){.phases = 1, .phase = {{LG_FIT_LM, 14}}};
+    lg_fit_options_init(&o);
+    lg_fit_settings_apply(&s, &o);
+    assert_true(o.plan.phases == 1 && o.plan.phase[0].epochs == 14 && o.dtype == LG_F32 && o.epochs == 2 &&
+                o.batch == 3);
+    assert_true(o.adam.lr == 4 && o.adam.weight_decay == 7 && o.adam.eps == 9 && o.prior == 8 &&
+                o.clip_norm == 10);
+    assert_true(o.schedule.kind == LG_SCHEDULE_STEP && o.schedule.every == 5 && o.schedule.gamma == 6 &&
+                o.schedule.floor == 0);
+    assert_true(o.validation == 0.5 && o.keep_best && o.patience == 11 && o.shards == 12 && o.seed == 13);
+    s.schedule = LG_SCHEDULE_COSINE;
+    s.validation = 0;
+    lg_fit_settings_apply(&s, &o);
+    assert_true(o.schedule.floor == 6 && !o.keep_best);
+}
+
 TEST("without a loss function the loss is the sum of the squares of the residuals") {
     regression r = make_regression();
     lg_fit_problem problem = regression_problem(&r);
