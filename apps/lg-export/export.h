@@ -111,7 +111,7 @@ typedef struct export_source {
             text arrays;       /* `extern` declarations of the arrays, for NAME.c. */
             text weights;      /* Definitions of the arrays, for NAME_weights.c. */
             text code;         /* Enumerations, tables and fragments, for NAME.c. */
-            text test;         /* `extra` and its tables, for NAME_test.c, before code/frame/test_main.c. */
+            text test;         /* NAME_test.c has it before code/frame/test_main.c: `extra` and its tables. */
             /* Of a bundle: fragments that follow the bundle's code; more code of the self-test, and its row
              * of the table of functions. All may be empty. */
             text further_code, further_test, further_row;

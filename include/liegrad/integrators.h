@@ -102,7 +102,8 @@ typedef struct lg_space {
     size_t dim;         /* Numbers in a state. */
     size_t algebra_dim; /* Numbers in an algebra element. */
     size_t tangent_dim; /* Numbers in the tangent coordinates of a vector. */
-    /* Bit i: factor i is R^3m, and each three of its numbers are a vector. 0 after lg_space_init. */
+    /* Bit i says that each three numbers of factor i, which is R^3m, are a vector; it has no effect on other
+     * factors. lg_space_init sets 0. */
     uint32_t vectors;
 } lg_space;
 

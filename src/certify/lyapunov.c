@@ -8,9 +8,9 @@
 #include "certify/certify.h"
 #include "certify/linear_program.h"
 #include "autodiff/program/program.h"
+#include "autodiff/tape/tape_internal.h"
 #include "core/clean.h"
 #include "kernels/matrix.h"
-#include "liegrad/ops.h"
 
 LG_AT(lg_program_destroy, lg_program)
 
@@ -214,8 +214,7 @@ static lg_status polynomial(void *user, lg_tape *tape, const lg_var *theta, cons
     out[0] = LG_NONE;
     for (size_t j = 0; j < f->terms; j += 64) {
         const size_t now = f->terms - j < 64 ? f->terms - j : 64;
-        const lg_var sum = lg_linear_combination(tape, term + j, f->coefficient + j, now);
-        out[0] = lg_is_none(out[0]) ? sum : lg_add(tape, out[0], sum);
+        out[0] = lg_add_or(tape, out[0], lg_linear_combination(tape, term + j, f->coefficient + j, now));
     }
     return lg_tape_status(tape);
 }

@@ -83,7 +83,7 @@ lg_status lg_csv_check_row(const lg_csv *c, bool *cut, lg_error *error);
 static inline const char *lg_csv_empty(bool blanks) {
     return blanks ? "; write nan in cells without a value" : LG_CSV_EMPTY;
 }
-/* Words for a missing number; in a feed in any case, with or without a sign. */
+/* These words stand for a missing number. A feed accepts them in any case, with or without a sign. */
 #define LG_MISSING_WORDS "nan", "NaN", "NAN", "NA", "N/A", "null"
 bool lg_csv_missing(const char *cell);
 /* Fails with the message "FILE: line N: `what`". */

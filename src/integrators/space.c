@@ -390,7 +390,8 @@ static const size_t groups[LG_SPACE_KINDS][2] = {
 size_t lg_space_groups(const lg_space *space, size_t *end) {
     size_t count = 0, at = 0;
     for (size_t f = 0; f < space->factors; f++) {
-        const size_t each = (space->vectors >> f & 1) != 0 ? 3 : 1; /* copies that share a group */
+        /* copies that share a group */
+        const size_t each = (space->vectors >> f & 1) != 0 && space->factor[f].count % 3 == 0 ? 3 : 1;
         for (size_t copy = 0; copy < space->factor[f].count; copy += each)
             for (size_t i = 0; i < 2 && groups[space->factor[f].kind][i] > 0; i++)
                 end[count++] = at += each * groups[space->factor[f].kind][i];
