@@ -114,9 +114,11 @@ static void read_inputs(const app *self, making *m) {
     const char *path = values.excitation;
     lg_frame_want *want = app_keep(1 + (size_t)m->file.machine.input_count, sizeof *want);
     *f = (lg_frame){.context = self->context, .path = path, .what = "log", .want = want, .wants = 1};
-    want[0] = (lg_frame_want){.name = m->file.columns[m->file.time].name, .as = LG_FRAME_TIME};
+    const lg_log_column *columns = m->file.columns, *time = &columns[m->file.time];
+    want[0] = (lg_frame_want){.name = time->name, .as = LG_FRAME_TIME, .scale = time->scale};
     for (uint32_t c = 0; c < m->file.column_count; c++)
-        if (m->file.columns[c].role == LG_LOG_INPUT) want[f->wants++].name = m->file.columns[c].name;
+        if (columns[c].role == LG_LOG_INPUT)
+            want[f->wants++] = (lg_frame_want){.name = columns[c].name, .scale = columns[c].scale};
     APP_MUST_FILE(self, path, lg_frame_open(f, &error));
     APP_MUST_FILE(self, path, lg_frame_next(f, SIZE_MAX, &error));
     const double *t = f->value;
@@ -150,7 +152,7 @@ static void take_inputs(const making *m, size_t run) {
             if (column->role != LG_LOG_INPUT) continue;
             const bool held = m->file.inputs[column->index].hold == LG_HOLD_ZERO;
             const double value = held ? now[k] : now[k] + s * (next[k] - now[k]);
-            m->given[(run * all + row) * inputs + column->index] = column->scale * value;
+            m->given[(run * all + row) * inputs + column->index] = value;
             k++;
         }
     }

@@ -87,6 +87,7 @@ static lg_status find_want(lg_frame *f, const lg_lookup *sorted, lg_frame_want *
     want->clock = (lg_clock){.format = LG_TIME_NONE};
     if (want->as == LG_FRAME_TIME) use->clock = &want->clock;
     use->exact = want->as == LG_FRAME_CELL;
+    if (!text) use->scale = want->scale != 0 ? want->scale : 1;
     return LG_OK;
 }
 
@@ -158,6 +159,22 @@ static lg_status put_text(lg_frame *f, size_t row, uint32_t column, const char *
     return LG_OK;
 }
 
+/* Puts a number into the block. */
+static lg_status put_value(lg_frame *f, size_t row, uint32_t column, double value, lg_error *error) {
+    const lg_frame_use *use = &f->use[column];
+    if (use->clock != NULL && use->scale == 1 && lg_moment_is_packed(value))
+        return lg_frame_fail(f, row, f->name[column], error,
+                             "%.17g is a date without separators: write dates as 2024-03-01T12:00:00, or "
+                             "times in seconds",
+                             value);
+    value *= use->scale;
+    if (isinf(value))
+        return lg_frame_fail(f, row, f->name[column], error,
+                             "the value is infinite when it is multiplied by its scale");
+    f->value[row * f->width + use->value - 1] = value;
+    return LG_OK;
+}
+
 static lg_status read_number(lg_frame *f, size_t row, uint32_t column, const char *cell, double *out,
                              lg_error *error) {
     static const char *const formats_of_times[] = {[LG_TIME_SECONDS] = "number of seconds",
@@ -179,6 +196,10 @@ static lg_status read_number(lg_frame *f, size_t row, uint32_t column, const cha
                                  "'%s' is a %s, but %s %zu has a %s: write all times in one format", show,
                                  formats_of_times[now.format], f->place, clock->line,
                                  formats_of_times[clock->format]);
+        if (now.format != LG_TIME_SECONDS && f->use[column].scale != 1)
+            return lg_frame_fail(f, row, f->name[column], error,
+                                 "'%s' is a %s, and these become seconds: remove the column's scale, %.6g",
+                                 show, formats_of_times[now.format], f->use[column].scale);
         if (isfinite(*out)) return LG_OK;
     }
     const lg_status status = lg_number_parse(cell, out);
@@ -198,8 +219,10 @@ lg_status lg_frame_put_cell(lg_frame *f, size_t row, uint32_t column, const char
     const lg_frame_use *use = &f->use[column];
     if (use->text > 0)
         LG_TRY(put_text(f, row, column, !quoted && !use->exact && lg_csv_missing(text) ? "" : text, error));
+    double value;
     if (use->value == 0) return LG_OK;
-    return read_number(f, row, column, text, &f->value[row * f->width + use->value - 1], error);
+    LG_TRY(read_number(f, row, column, text, &value, error));
+    return put_value(f, row, column, value, error);
 }
 
 lg_status lg_frame_put_number(lg_frame *f, size_t row, uint32_t column, char type, const void *number,
@@ -225,8 +248,7 @@ lg_status lg_frame_put_number(lg_frame *f, size_t row, uint32_t column, char typ
     if (use->value == 0) return LG_OK;
     if (whole && use->clock == NULL && lg_whole_is_rounded(magnitude))
         return fail_rounded(f, row, column, text, error);
-    f->value[row * f->width + use->value - 1] = value;
-    return LG_OK;
+    return put_value(f, row, column, value, error);
 }
 
 /* ---- the file ---- */

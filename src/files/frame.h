@@ -24,7 +24,8 @@
  *
  * Numbers: "", nan, NA, N/A and null are missing (NaN). Infinities are rejected, and so are whole numbers
  * that no double equals, except as times. Times: numbers, or dates with a time and times of day as texts,
- * which become seconds since the first one; a column has one format. Texts: as written; "" if missing. In
+ * which become seconds since the first one; a column has one format, and one of dates has no scale. A time
+ * without a scale that reads as a date without separators is rejected. Texts: as written; "" if missing. In
  * binary files a whole number is its exact decimal text, a real number the shortest text that reads back as
  * the same number. liegrad/table.h ("tables of numbers") says which files are understood.
  *
@@ -81,6 +82,7 @@ typedef struct lg_frame_want {
     const char *name;
     lg_frame_as as;
     bool optional; /* the file need not have the column */
+    double scale;  /* its numbers are multiplied by it; 0: by 1 */
     /* Set by lg_frame_open. */
     bool there;
     size_t first;   /* index in a row of `value` (numbers) or of `text`; without meaning unless it is there */
@@ -91,6 +93,7 @@ typedef struct lg_frame_want {
 typedef struct lg_frame_use {
     size_t value, text;
     lg_clock *clock; /* NULL: it is not a time */
+    double scale;
     bool exact;
 } lg_frame_use;
 

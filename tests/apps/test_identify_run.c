@@ -109,6 +109,22 @@ TEST("an input acts exactly as long as it is held") {
         assert_close(v[i], t[i] < 1 ? 0 : 1.5 * fmin(1, t[i] - 1), 0, 1e-12);
         assert_close(u[i], t[i] >= 1 && t[i] < 2 ? 3 : 0, 0, 0);
     }
+    cli_write("scaled.yaml", OSCILLATOR_COLUMNS "scale: {t: 0.001, u: 2}\nmass: {kind: known, values: [2]}\n"
+                                                "input_map: {kind: known, values: [[1]]}\n");
+    cli_write("scaled.csv", "t,run,u\n0,0,0\n1000,0,1.5\n2000,0,0\n3000,0,0\n4000,0,0\n");
+    cli_run(identify, "generate scaled.yaml --inputs scaled.csv --runs 1 --dt 0.125 --start-spread 0 "
+                      "--out milliseconds.csv");
+    const double *milliseconds = column("milliseconds.csv", "t", &rows),
+                 *same = column("milliseconds.csv", "vx", &rows),
+                 *half = column("milliseconds.csv", "u", &rows);
+    assert_int_equal(rows, 33);
+    for (size_t i = 0; i < rows; i++) {
+        assert_close(milliseconds[i], 1000 * t[i], 0, 1e-9);
+        assert_true(same[i] == v[i] && 2 * half[i] == u[i]);
+    }
+    cli_write("dates.csv", "t,run,u\n20240301000000,0,0\n20240301000001,0,0\n20240301000002,0,0\n");
+    cli_expect(identify, "generate mass.yaml --inputs dates.csv --runs 1 --out log.csv", 3,
+               "dates.csv: line 2: column t: 20240301000000 is a date without separators");
     cli_write("hole.csv", "t,run,u\n0,0,0\n1,0,\n2,0,0\n");
     cli_expect(identify, "generate mass.yaml --inputs hole.csv --runs 1 --out log.csv", 3,
                "hole.csv: line 3: column u: the value is missing");

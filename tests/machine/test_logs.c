@@ -184,8 +184,9 @@ TEST("times of a log may be dates or times of day, which have no scale") {
     static const char dates[] = "t,q,v\n2024-02-29T23:59:59.75Z,1,5\n2024-03-01T00:00:00.25Z,2,6\n";
     const lg_logs *logs = read_text(machine(LINE), dates);
     assert_true(logs->t[0] == 0 && logs->t[1] == 0.5 && logs->dt_median == 0.5);
-    refuse_text(machine(LINE "scale: {t: 0.001}\n"), dates, "column t: has dates or times of day",
-                "remove its scale, 0.001");
+    refuse_text(machine(LINE "scale: {t: 0.001}\n"), dates,
+                "line 2: column t: '2024-02-29T23:59:59.75Z' is a date with an offset",
+                "remove the column's scale, 0.001");
     static const char packed[] = "t,q,v\n20240229235959,1,5\n20240301000000.5,2,6\n";
     refuse_text(machine(LINE), packed, "line 2: column t: 20240229235959 is a date without separators",
                 "write dates as 2024-03-01T12:00:00");

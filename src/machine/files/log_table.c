@@ -87,18 +87,8 @@ static lg_status append_rows(lg_log_table *t, uint32_t file, const lg_frame *f) 
         before = name;
         t->out->rows_read++;
         if (isnan(values[f->want[time].first])) continue;
-        if (columns[time].scale == 1 && lg_moment_is_packed(values[f->want[time].first]))
-            return lg_frame_fail(f, row, columns[time].name, t->error,
-                                 "%.17g is a date without separators: write dates as 2024-03-01T12:00:00, or "
-                                 "times in seconds",
-                                 values[f->want[time].first]);
         t->origin[t->rows] = (lg_log_origin){f->line[row], file, t->out->runs - 1};
-        for (uint32_t i = 0; i < t->columns; i++) {
-            to[i] = i == run ? 0 : values[f->want[i].first] * columns[i].scale;
-            if (isinf(to[i]))
-                return lg_frame_fail(f, row, columns[i].name, t->error,
-                                     "the value is infinite when it is multiplied by its scale");
-        }
+        for (uint32_t i = 0; i < t->columns; i++) to[i] = i == run ? 0 : values[f->want[i].first];
         t->rows++;
     }
     return LG_OK;
@@ -109,18 +99,12 @@ static lg_status read_file(lg_log_table *t, uint32_t file, lg_frame *f) {
     LG_TRY(lg_frame_open(f, t->error));
     t->place[file] = f->place;
     LG_TRY(lg_frame_next(f, SIZE_MAX, t->error));
-    const lg_log_column *time = &t->machine->columns[t->machine->time];
-    const lg_time_format format = f->want[t->machine->time].clock.format;
-    if (format > LG_TIME_SECONDS && time->scale != 1)
-        return lg_fail(
-            t->error, LG_FORMAT,
-            "%s: column %s: has dates or times of day, which become seconds: remove its scale, %.6g",
-            f->shown, time->name, time->scale);
     LG_TRY(append_rows(t, file, f));
     if (f->cut) lg_log_warn(t, "%s: the last line was cut off and left out", f->shown);
     const size_t timeless = t->out->rows_read - read - (t->rows - before);
     if (t->rows == before)
-        return lg_fail(t->error, LG_FORMAT, "%s: has no row with a time (column %s)", f->shown, time->name);
+        return lg_fail(t->error, LG_FORMAT, "%s: has no row with a time (column %s)", f->shown,
+                       t->machine->columns[t->machine->time].name);
     if (timeless > 0) lg_log_warn(t, "%s: %zu rows without a time were left out", f->shown, timeless);
     return LG_OK;
 }
@@ -136,6 +120,7 @@ lg_status lg_log_read_files(lg_log_table *t) {
                       .wants = t->columns};
         for (uint32_t i = 0; i < t->columns; i++)
             want[i] = (lg_frame_want){.name = t->machine->columns[i].name,
+                                      .scale = t->machine->columns[i].scale,
                                       .as = i == t->machine->run    ? LG_FRAME_TEXT
                                             : i == t->machine->time ? LG_FRAME_TIME
                                                                     : LG_FRAME_NUMBER};
