@@ -388,7 +388,6 @@ void app_file_begin(app_file *file, const char *path);
 /* On failure the old file is left as it was, and `error` says why. The status is LG_FILE if
  * app_may_replace rejects the file. */
 lg_status app_file_end(app_file *file, lg_error *error);
-void app_file_discard(app_file *file);
 /* Checks early whether `path` can be written, rather than after an hour of work: its folder must exist and be
  * writable, and `path` must be a regular file or not exist. */
 lg_status app_check_writable(const char *path, lg_error *error);

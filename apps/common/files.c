@@ -45,11 +45,6 @@ lg_status app_file_end(app_file *file, lg_error *error) {
     return status;
 }
 
-void app_file_discard(app_file *file) {
-    (void)fclose(file->stream);
-    free(file->text);
-}
-
 lg_status app_check_writable(const char *path, lg_error *error) {
     struct stat file, above;
     APP_FREE char *folder = app_folder_of(path);

@@ -88,7 +88,8 @@ static lg_status draw(const app *self, const char *path, const char *data, const
     app_file_begin(&image, path);
     const int code = run_gnuplot(script, image.stream);
     if (code == 0) return app_file_end(&image, error);
-    app_file_discard(&image);
+    (void)fclose(image.stream);
+    free(image.text);
     app_warn(self, "gnuplot %s, so %s is not drawn; its data and script are in %s and %s%s",
              code == 127 ? "is not installed" : "failed", path, data, script,
              code == 127 ? " (to draw it, in their folder: gnuplot -d ./SCRIPT > PLOT)" : "");

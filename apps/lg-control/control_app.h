@@ -27,8 +27,9 @@ void control_machine_destroy(control_machine *machine);
  * with the function field (x, u). The names of its coordinates and inputs are added to the task. If `lagged`,
  * the names of its lagged inputs are added, too; otherwise the controller does not know the lagged inputs.
  * task->dead_time becomes the delays of its inputs; a row of a machine file without a log is task->period.
- * Failures end the command. */
-lg_program *control_load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task);
+ * `machine` becomes the plant, if it is one. Failures end the command. */
+lg_program *control_load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task,
+                               control_machine *machine);
 /* Reads a task and its plant, at the path `source`, which is relative to the task's folder. `keep`, the
  * machine of the plant, gives the task its soft friction, and must live as long as the task's policy. `text`
  * and `source`: freed with free. */

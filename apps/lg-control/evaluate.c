@@ -52,7 +52,8 @@ static lg_program *other_plant(const app *self, const lg_policy *policy, lg_poli
         *names = *own; /* the file of a program does not name its states */
         names->coordinate_count -= remembered;
     }
-    lg_program *plant = control_load_plant(self, values.plant, lagged > 0, names);
+    APP_CLEAN(control_machine_destroy) control_machine machine;
+    lg_program *plant = control_load_plant(self, values.plant, lagged > 0, names, &machine);
     if (control_count_lagged(names, false) != lagged)
         app_stop(self, LG_SHAPE, "%s: the plant has %u lagged inputs, but the policy knows %u", values.plant,
                  control_count_lagged(names, false), lagged);

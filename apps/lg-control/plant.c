@@ -352,16 +352,11 @@ static lg_program *load_program(const app *self, const char *path, lg_policy_tas
 
 /* ---- */
 
-static lg_program *load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task,
-                              control_machine *machine) {
+lg_program *control_load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task,
+                               control_machine *machine) {
     app_reads(self, path);
     return open_machine(self, path, machine) ? load_machine(self, path, machine, lagged, task)
                                              : load_program(self, path, task);
-}
-
-lg_program *control_load_plant(const app *self, const char *path, bool lagged, lg_policy_task *task) {
-    APP_CLEAN(control_machine_destroy) control_machine machine;
-    return load_plant(self, path, lagged, task, &machine);
 }
 
 /* The path of the plant that the task in `path` calls `plant`. */
@@ -382,7 +377,7 @@ lg_program *control_read_task(const app *self, const char *path, lg_policy_task 
     char plant[512];
     APP_FILE(self, path, lg_policy_task_read, task, plant, sizeof plant, text);
     *source = beside(path, plant);
-    lg_program *program = load_plant(self, *source, true, task, keep);
+    lg_program *program = control_load_plant(self, *source, true, task, keep);
     APP_FILE(self, path, lg_policy_task_parse, *text, task);
     keep->self = self;
     if (keep->scheme != NULL) task->soften = soften, task->soften_user = keep;

@@ -115,18 +115,15 @@ static void read_inputs(const app *self, making *m) {
     lg_frame_want *want = app_keep(1 + (size_t)m->file.machine.input_count, sizeof *want);
     *f = (lg_frame){.context = self->context, .path = path, .what = "log", .want = want, .wants = 1};
     const lg_log_column *columns = m->file.columns, *time = &columns[m->file.time];
-    want[0] = (lg_frame_want){.name = time->name, .as = LG_FRAME_TIME, .scale = time->scale};
+    want[0] =
+        (lg_frame_want){.name = time->name, .as = LG_FRAME_TIME, .scale = time->scale, .complete = true};
     for (uint32_t c = 0; c < m->file.column_count; c++)
         if (columns[c].role == LG_LOG_INPUT)
-            want[f->wants++] = (lg_frame_want){.name = columns[c].name, .scale = columns[c].scale};
+            want[f->wants++] =
+                (lg_frame_want){.name = columns[c].name, .scale = columns[c].scale, .complete = true};
     APP_MUST_FILE(self, path, lg_frame_open(f, &error));
     APP_MUST_FILE(self, path, lg_frame_next(f, SIZE_MAX, &error));
     const double *t = f->value;
-    for (size_t i = 0; i < f->rows * f->width; i++)
-        if (isnan(f->value[i]))
-            APP_MUST_FILE(
-                self, path,
-                lg_frame_fail(f, i / f->width, want[i % f->width].name, &error, "the value is missing"));
     for (m->inputs_end = f->rows > 0; m->inputs_end < f->rows; m->inputs_end++)
         if (!(t[m->inputs_end * f->width] > t[(m->inputs_end - 1) * f->width])) break;
     const double length = m->inputs_end > 0 ? t[(m->inputs_end - 1) * f->width] - t[0] : 0;

@@ -87,7 +87,7 @@ static lg_status find_want(lg_frame *f, const lg_lookup *sorted, lg_frame_want *
     want->clock = (lg_clock){.format = LG_TIME_NONE};
     if (want->as == LG_FRAME_TIME) use->clock = &want->clock;
     use->exact = want->as == LG_FRAME_CELL;
-    if (!text) use->scale = want->scale != 0 ? want->scale : 1;
+    if (!text) use->scale = want->scale != 0 ? want->scale : 1, use->complete = want->complete;
     return LG_OK;
 }
 
@@ -162,6 +162,8 @@ static lg_status put_text(lg_frame *f, size_t row, uint32_t column, const char *
 /* Puts a number into the block. */
 static lg_status put_value(lg_frame *f, size_t row, uint32_t column, double value, lg_error *error) {
     const lg_frame_use *use = &f->use[column];
+    if (use->complete && isnan(value))
+        return lg_frame_fail(f, row, f->name[column], error, "the value is missing");
     if (use->clock != NULL && use->scale == 1 && lg_moment_is_packed(value))
         return lg_frame_fail(f, row, f->name[column], error,
                              "%.17g is a date without separators: write dates as 2024-03-01T12:00:00, or "

@@ -82,6 +82,7 @@ typedef struct lg_frame_want {
     const char *name;
     lg_frame_as as;
     bool optional; /* the file need not have the column */
+    bool complete; /* a missing number is an error */
     double scale;  /* its numbers are multiplied by it; 0: by 1 */
     /* Set by lg_frame_open. */
     bool there;
@@ -94,7 +95,7 @@ typedef struct lg_frame_use {
     size_t value, text;
     lg_clock *clock; /* NULL: it is not a time */
     double scale;
-    bool exact;
+    bool exact, complete;
 } lg_frame_use;
 
 typedef struct lg_frame {

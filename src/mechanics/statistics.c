@@ -226,21 +226,29 @@ static const member members[] = {
     {"square", offsetof(cell, square), LG_EXACT_PARTS, LG_ELEMENT_I64},
 };
 
-lg_status lg_statistics_save(const lg_statistics *s, const lg_archive_writer *archive) {
-    LG_NEEDS(NULL, s, archive);
+/* Writes the arrays to an archive, or reads them from one; the other one is NULL. */
+static lg_status pass_arrays(lg_statistics *s, const lg_archive_writer *to, const lg_archive_reader *from) {
     const size_t cells = s->rows * s->columns;
     uint64_t dims[3] = {s->rows, s->columns, s->bins + 2};
     LG_TRY_SCRATCH(char, values, s->context, cells * 8 * LG_EXACT_PARTS, LG_OUT_OF_MEMORY);
-    LG_TRY(archive->array(archive->user, "bins", LG_ELEMENT_U64, 3, dims, s->bin));
-    for (size_t m = 0; m < LG_COUNT(members); m++) {
-        const size_t size = 8 * members[m].count;
-        for (size_t i = 0; i < cells; i++)
-            memcpy(values + i * size, (const char *)&s->cells[i] + members[m].offset, size);
-        dims[2] = members[m].count;
-        LG_TRY(archive->array(archive->user, members[m].name, members[m].type, members[m].count > 1 ? 3 : 2,
-                              dims, values));
+    LG_TRY(to != NULL ? to->array(to->user, "bins", LG_ELEMENT_U64, 3, dims, s->bin)
+                      : from->array(from->user, "bins", LG_ELEMENT_U64, 3, dims, s->bin));
+    for (const member *m = members; m < members + LG_COUNT(members); m++) {
+        const size_t size = 8 * m->count, rank = m->count > 1 ? 3 : 2;
+        dims[2] = m->count;
+        if (from != NULL) LG_TRY(from->array(from->user, m->name, m->type, rank, dims, values));
+        for (size_t i = 0; i < cells; i++) {
+            char *at = (char *)&s->cells[i] + m->offset, *value = values + i * size;
+            memcpy(to != NULL ? value : at, to != NULL ? at : value, size);
+        }
+        if (to != NULL) LG_TRY(to->array(to->user, m->name, m->type, rank, dims, values));
     }
     return LG_OK;
+}
+
+lg_status lg_statistics_save(const lg_statistics *s, const lg_archive_writer *archive) {
+    LG_NEEDS(NULL, s, archive);
+    return pass_arrays((lg_statistics *)(uintptr_t)s, archive, NULL); /* only read */
 }
 
 /* Whether a sum of `count` numbers, added singly or in blocks, can have parts of this size. */
@@ -268,19 +276,8 @@ static bool is_cell(const lg_statistics *s, size_t index) {
 
 lg_status lg_statistics_load(lg_statistics *s, const lg_archive_reader *archive) {
     LG_NEEDS(NULL, s, archive);
-    const size_t cells = s->rows * s->columns;
-    uint64_t dims[3] = {s->rows, s->columns, s->bins + 2};
-    LG_TRY_SCRATCH(char, values, s->context, cells * 8 * LG_EXACT_PARTS, LG_OUT_OF_MEMORY);
-    LG_TRY(archive->array(archive->user, "bins", LG_ELEMENT_U64, 3, dims, s->bin));
-    for (size_t m = 0; m < LG_COUNT(members); m++) {
-        const size_t size = 8 * members[m].count;
-        dims[2] = members[m].count;
-        LG_TRY(archive->array(archive->user, members[m].name, members[m].type, members[m].count > 1 ? 3 : 2,
-                              dims, values));
-        for (size_t i = 0; i < cells; i++)
-            memcpy((char *)&s->cells[i] + members[m].offset, values + i * size, size);
-    }
-    for (size_t i = 0; i < cells; i++)
+    LG_TRY(pass_arrays(s, NULL, archive));
+    for (size_t i = 0; i < s->rows * s->columns; i++)
         if (!is_cell(s, i)) return LG_CHECK_FAILED;
     return LG_OK;
 }

@@ -4,14 +4,6 @@
 
 #include "core/core.h"
 
-const char *lg_name_family(uint32_t value) {
-    return value < lg_hamiltonian_family_count() ? lg_hamiltonian_family_at(value)->name : NULL;
-}
-
-const void *lg_family_number(uint32_t value) {
-    return lg_hamiltonian_family_at(value);
-}
-
 /* Makes the system with default parameters. A parameter without a default becomes a unit vector, or 1 if it
  * is one number: the family does not depend on the parameters' values. */
 static lg_status make_system(const char *name, const char *form, lg_system **out) {

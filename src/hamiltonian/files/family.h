@@ -4,9 +4,6 @@
 
 #include "liegrad/hamiltonian.h"
 
-const char *lg_name_family(uint32_t value); /* NULL beyond the last family */
-const void *lg_family_number(uint32_t value);
-
 /* The family that learns the system with this name, and the n of the system; *n is 0 if any n is possible.
  * NULL: the system is unknown, no family learns it, or it cannot be made. */
 const lg_hamiltonian_family *lg_family_of(const char *system, size_t *n);

@@ -32,10 +32,18 @@ static void put_scales(void *member, const double *values, uint32_t count) {
     memcpy(member, values, count * sizeof *values);
 }
 
+static const char *family_name(uint32_t value) {
+    return value < lg_hamiltonian_family_count() ? lg_hamiltonian_family_at(value)->name : NULL;
+}
+
+static const void *family_at(uint32_t value) {
+    return lg_hamiltonian_family_at(value);
+}
+
 #define FACT(group, name, type, member, ...)                                                                 \
     LG_FACT(lg_hamiltonian_run, group, name, type, member, __VA_ARGS__)
 static const lg_field facts[] = {
-    FACT("model", "family", NAME, model.family, .value_name = lg_name_family, .value_at = lg_family_number),
+    FACT("model", "family", NAME, model.family, .value_name = family_name, .value_at = family_at),
     FACT("model", "links", U32, model.n, .low = 1),
     FACT("model", "scales", REALS, model.scales, .low = 0, .get = get_scales, .put = put_scales,
          .least = LEAST_SCALES, .most = SCALES, .optional = true),
