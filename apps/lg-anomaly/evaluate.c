@@ -106,7 +106,7 @@ static void watch_window(const evaluation *e, watching *state, size_t i, double 
     if (!state->damaged) {
         out->false_alarms += state->alarm && !before;
         out->intact_time += (double)e->run->hop * unit;
-    } else if (state->alarm && !state->detected) {
+    } else if (positive && state->alarm && !state->detected) {
         state->detected = true;
         times[out->detected++] = (begin + (double)e->model->window - state->onset) * unit;
     }

@@ -162,9 +162,10 @@ static const char *scan_number(sample_reader *reader, const char *p, bool timed,
 static bool split_line(sample_reader *reader, char *p, bool *open) {
     char separator = '\0';
     bool blanks = false;
+    uint32_t column = 0;
     reader->fields = 0;
     reader->words = *open = false;
-    for (uint32_t column = 0; *p != '\0'; column++) {
+    for (; *p != '\0'; column++) {
         const bool skipped = is_left_out(reader, column);
         if (*p == '#' && !skipped) break;
         *open = false;
@@ -188,9 +189,15 @@ static bool split_line(sample_reader *reader, char *p, bool *open) {
         *open = true;
         p = skip_blanks(reader, p + 1);
     }
-    if (!blanks || separator == '\0') return true;
-    (void)snprintf(reader->problem, sizeof reader->problem, "blanks separate some numbers, '%c' others",
-                   separator);
+    column += *open;
+    if (blanks && separator != '\0')
+        (void)snprintf(reader->problem, sizeof reader->problem, "blanks separate some numbers, '%c' others",
+                       separator);
+    else if (column < reader->frame.columns)
+        (void)snprintf(reader->problem, sizeof reader->problem, "%u cells for %u names", column,
+                       reader->frame.columns);
+    else
+        return true;
     return false;
 }
 

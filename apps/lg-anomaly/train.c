@@ -44,8 +44,9 @@ static void run_classical(const app *self) {
     if (alone) { /* all other classes become one */
         const well_model model = trained_model(WELL_CLASSICAL, "novelty");
         well_model_need_healthy(self, &model, "--classifier novelty");
-        merge_classes(&train_state.all.data.series, train_run.healthy);
-        if (train_state.test != NULL) merge_classes(&train_state.foreign.data.series, train_run.healthy);
+        merge_classes(self, self->arguments[0], &train_state.all.data, train_run.healthy);
+        if (train_state.test != NULL)
+            merge_classes(self, train_state.test, &train_state.foreign.data, train_run.healthy);
         train_state.healthy = 0;
     }
     if (data->series.classes < 2 && !alone)

@@ -189,9 +189,9 @@ LG_API void lg_metrics_confusion(const uint32_t *truth, const uint32_t *given, s
                                  uint64_t *confusion);
 
 /* With two classes, precision, recall and f1 are computed for the class that is not healthy, or for class 1
- * if the healthy class is not known. With more classes they are means over all classes ("macro"). A class
- * that was never given has precision 0. A class that does not occur has recall 0. With precision p and recall
- * r, f1 = 2 p r/(p + r), and 0 if p = r = 0. */
+ * if the healthy class is not known. With more classes they are means ("macro") over the classes that occur
+ * or were given. They are NaN if no such class is left. A class that was never given has precision 0, one
+ * that does not occur has recall 0. With precision p and recall r, f1 = 2 p r/(p + r), and 0 if p = r = 0. */
 typedef struct lg_metrics {
     double accuracy, precision, recall, f1;
     double false_positive_rate; /* part of the healthy class that was given another class; NaN without it */

@@ -22,6 +22,8 @@ static void hash(lg_series_data *data) {
     lg_sha256_init(&state);
     lg_sha256_add_floats(&state, data->series.x, samples_of(&data->series));
     lg_sha256_add_u32(&state, data->series.label, data->series.count);
+    if (data->series.group != NULL) lg_sha256_add_u32(&state, data->series.group, data->series.count);
+    if (data->series.run != NULL) lg_sha256_add_u32(&state, data->series.run, data->series.count);
     lg_sha256_finish(&state, data->sha256);
 }
 

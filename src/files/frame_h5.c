@@ -131,8 +131,7 @@ static const char *look(const h5_file *h, const char *name, source *s, lg_error 
     if (strlen(name) >= sizeof s->name) return "has a name of more than 63 bytes";
     if (lg_h5_look(h->h5, name, sizeof(double), &s->about, error) != LG_OK)
         return strrchr(error->message, ':') + 2;
-    (void)lg_h5_number(h->h5, name, "_FillValue", LG_ELEMENT_F64, &s->fill[0], NULL);
-    (void)lg_h5_number(h->h5, name, "missing_value", LG_ELEMENT_F64, &s->fill[1], NULL);
+    lg_h5_fills(h->h5, name, s->fill);
     if (s->about.rank < 1) return wanted ? "is a single number or text" : "";
     (void)lg_h5_text(h->h5, name, "MATLAB_class", class, sizeof class, NULL);
     if (strcmp(class, "char") == 0) return "is a char array of MATLAB: write numbers, or a list of texts";

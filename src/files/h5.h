@@ -160,8 +160,8 @@ lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out
 /* The same for member `index` of a table, whose name is written to `text`. */
 lg_status lg_h5_look_member(lg_h5 *h5, const char *name, uint32_t index, char *text, size_t size,
                             lg_h5_about *out, lg_error *error);
-/* Reads the numbers of a slice as doubles into the caller's memory, in the order of the file. LG_H5_EXACT: an
- * integer that no double equals is LG_FORMAT; LG_H5_RAW: integers of more than four bytes are not converted,
+/* Reads the numbers of a slice as doubles into the caller's memory, in the order of the file. LG_H5_EXACT:
+ * missing numbers (lg_h5_fills) become NaN, an integer that no double equals is LG_FORMAT; LG_H5_RAW: integers of more than four bytes are not converted,
  * see lg_h5_about.raw. */
 typedef enum lg_h5_long { LG_H5_EXACT, LG_H5_RAW } lg_h5_long;
 lg_status lg_h5_get_slice(lg_h5 *h5, const lg_h5_slice *slice, lg_h5_long as, double *out, lg_error *error);
@@ -195,6 +195,9 @@ lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out,
 /* Reads an attribute with one element. `type` is F64, I64, U64 or U32, and must hold the number exactly. */
 lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out,
                        lg_error *error);
+/* Reads the attributes _FillValue and missing_value of netCDF: the numbers of a data set that stand for a
+ * missing one. NaN: there is no such attribute. */
+void lg_h5_fills(lg_h5 *h5, const char *name, double fill[2]);
 /* Reads every numeric data set and every attribute once. The probe of an archive does this. */
 lg_status lg_h5_read_all(lg_h5 *h5, lg_error *error);
 /* Whether the attribute `format` says that this library wrote the file. */

@@ -75,6 +75,12 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
     return LG_OK;
 }
 
+void lg_h5_fills(lg_h5 *h5, const char *name, double fill[2]) {
+    fill[0] = fill[1] = NAN;
+    (void)lg_h5_number(h5, name, "_FillValue", LG_ELEMENT_F64, &fill[0], NULL);
+    (void)lg_h5_number(h5, name, "missing_value", LG_ELEMENT_F64, &fill[1], NULL);
+}
+
 /* ---- the file's own attributes ---- */
 
 static lg_status check_version(lg_h5 *h5, lg_error *error) {

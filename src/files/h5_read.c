@@ -303,10 +303,11 @@ static lg_status rounded(const lg_h5 *h5, const char *name, const lg_dataset *d,
 static lg_status read_doubles(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t room, hid_t part,
                               uint64_t first, uint64_t count, bool checked, lg_h5_long as, double *out,
                               lg_error *error) {
-    if (!is_long(d->type)) return read_part(h5, name, d, H5T_NATIVE_DOUBLE, room, part, checked, out, error);
-    const hid_t type = lg_h5_long_type(d->type);
-    LG_TRY(read_part(h5, name, d, type, room, part, true, out, error));
-    for (uint64_t i = 0; i < count && as != LG_H5_RAW; i++) {
+    const bool whole = is_long(d->type);
+    const hid_t type = whole ? lg_h5_long_type(d->type) : H5T_NATIVE_DOUBLE;
+    double fill[2];
+    LG_TRY(read_part(h5, name, d, type, room, part, whole || checked, out, error));
+    for (uint64_t i = 0; i < count && as != LG_H5_RAW && whole; i++) {
         uint64_t bits;
         memcpy(&bits, &out[i], sizeof bits);
         const bool minus = type == H5T_NATIVE_INT64 && bits >> 63 != 0;
@@ -315,6 +316,9 @@ static lg_status read_doubles(lg_h5 *h5, const char *name, const lg_dataset *d, 
             return rounded(h5, name, d, first + i, minus, magnitude, error);
         out[i] = minus ? -(double)magnitude : (double)magnitude;
     }
+    lg_h5_fills(h5, name, fill);
+    for (uint64_t i = 0; i < count && as != LG_H5_RAW; i++)
+        if (out[i] == fill[0] || out[i] == fill[1]) out[i] = NAN;
     return LG_OK;
 }
 

@@ -27,7 +27,7 @@ static double ratio(double a, double b) {
 }
 
 typedef struct class_metrics {
-    double precision, recall, f1;
+    double windows, precision, recall, f1; /* windows that have the class or were given it */
 } class_metrics;
 
 static class_metrics metrics_of_class(const uint64_t *confusion, uint32_t classes, uint32_t k) {
@@ -38,7 +38,8 @@ static class_metrics metrics_of_class(const uint64_t *confusion, uint32_t classe
     }
     const double right = (double)confusion[(size_t)k * classes + k];
     /* With precision p and recall r: f1 = 2 p r/(p + r) = 2 right/(occurs + given). */
-    return (class_metrics){ratio(right, given), ratio(right, occurs), ratio(2.0 * right, occurs + given)};
+    return (class_metrics){occurs + given, ratio(right, given), ratio(right, occurs),
+                           ratio(2.0 * right, occurs + given)};
 }
 
 lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes, uint32_t healthy) {
@@ -55,17 +56,19 @@ lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes, uint32_t h
         for (uint32_t j = 0; j < classes; j++) normal += (double)row[j];
         if (normal > 0.0) m.false_positive_rate = (normal - (double)row[healthy]) / normal;
     }
-    const uint32_t left_out = classes != 2   ? LG_NO_CLASS
-                              : healthy == 1 ? 1
-                                             : 0,
-                   count = classes == 2 ? 1 : classes;
+    const uint32_t left_out = classes != 2 ? LG_NO_CLASS : healthy == 1 ? 1 : 0;
+    double count = 0.0;
     for (uint32_t k = 0; k < classes; k++) {
-        if (k == left_out) continue;
         const class_metrics one = metrics_of_class(confusion, classes, k);
-        m.precision += one.precision / count;
-        m.recall += one.recall / count;
-        m.f1 += one.f1 / count;
+        if (k == left_out || one.windows == 0.0) continue;
+        m.precision += one.precision;
+        m.recall += one.recall;
+        m.f1 += one.f1;
+        count++;
     }
+    m.precision /= count;
+    m.recall /= count;
+    m.f1 /= count;
     return m;
 }
 

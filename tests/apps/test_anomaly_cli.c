@@ -332,6 +332,23 @@ TEST("data of every shape are learned") {
     assert_says(result.err, "without a test part");
 }
 
+/* Writes fresh.h5 with its first two channels in the other order. */
+static void write_turned(const char *name) {
+    lg_series_data *data = read_back("fresh.h5");
+    const lg_series *s = &data->series;
+    char first[LG_SERIES_NAME];
+    memcpy(first, s->channel_name[0], sizeof first);
+    memcpy(s->channel_name[0], s->channel_name[1], sizeof first);
+    memcpy(s->channel_name[1], first, sizeof first);
+    for (size_t i = 0; i < s->count; i++)
+        for (uint32_t k = 0; k < s->length; k++) {
+            float *x = s->x + i * s->channels * s->length + k, old = x[0];
+            x[0] = x[s->length];
+            x[s->length] = old;
+        }
+    assert_ok(lg_series_write(NULL, cli_at(name), data, NULL));
+}
+
 TEST("a test set may be in a separate file, also when training is resumed") {
     const size_t windows[] = {read_back("data.h5")->series.count, read_back("fresh.h5")->series.count};
     json("train data.h5 --test fresh.h5 --method logistic --out given.h5", "");
@@ -339,6 +356,9 @@ TEST("a test set may be in a separate file, also when training is resumed") {
     assert_close(json_number(result.out, "test_windows"), (double)windows[1], 0, 0);
     const double accuracy = json_number(result.out, "accuracy");
     assert_close(number("evaluate given.h5 fresh.h5", "accuracy"), accuracy, 0, 0);
+    write_turned("turned.h5");
+    assert_close(number("train data.h5 --test turned.h5 --method logistic --out given.h5", "accuracy"),
+                 accuracy, 0, 0);
     cli_run(lg, "train data.h5 --test data.h5 --method logistic --out given.h5");
     assert_says(result.err, "there is no test on unseen data");
     cli_run(lg,
@@ -377,6 +397,28 @@ TEST("a model remembers the class labels of its training file, also when the fil
     }
     cli_run(lg, "train from-1.h5 --method logistic --out from-1.model.h5");
     cli_expect(lg, "evaluate from-1.model.h5 from-0.h5", 3, "class '0' is none of the classes 1|2");
+}
+
+TEST("a novelty model finds the healthy class of a file that has other names of classes, or none") {
+    cli_run(lg, "train data.h5 --method novelty --out alone.h5");
+    const double accuracy = number("evaluate alone.h5 fresh.h5", "accuracy");
+    assert_true(accuracy > 0.5);
+    write_numbered("from-0.h5", 0, true);
+    assert_close(number("evaluate alone.h5 from-0.h5", "accuracy"), accuracy, 0, 0);
+    assert_says(result.err, "no class is 'intact', the healthy class of the training: '0' is taken for it");
+    write_numbered("from-7.h5", 7, true);
+    json("evaluate alone.h5 from-7.h5", "");
+    assert_says(result.err, "'none' is taken for it");
+}
+
+TEST("a class that the test part lacks is named, and its figures are not 0") {
+    lg_series_data *data = read_back("fresh.h5");
+    size_t left = 2;
+    for (size_t i = 0; i < data->series.count; i++)
+        if (data->series.label[i] == 1 && left-- == 0) left = 0, data->series.label[i] = 0;
+    assert_ok(lg_series_write(NULL, cli_at("few.h5"), data, NULL));
+    json("train few.h5 --method logistic --split random --out few-model.h5", "f1 null, recall null");
+    assert_says(result.err, "the test part has no window of class 'broken'");
 }
 
 TEST("plots for a file without names use the names of the training data; a single feature can be drawn") {

@@ -744,6 +744,9 @@ TEST("columns with other names are left out, whatever they hold, with one warnin
     cli_expect("lg-anomaly", "watch named.h5 --input tabs.csv", 0, "# windows");
     assert_says(result.err, "left out: valve, state");
     assert_memory_equal(straight[1].out, result.out, strstr(straight[1].out, "# windows") - straight[1].out);
+    change("{ print (NR == 1 ? $0 \",uptime\" : NR % 9 == 0 ? $0 : $0 \",7\") }", "lost.csv");
+    cli_expect("lg-anomaly", "watch named.h5 --input lost.csv", 0, "# windows");
+    expect_rows("malformed 400, received 3200");
     change("{ print (NR == 9 ? \"#N/A\" : NR == 1 ? \"tag\" : 7) \",\" $0 }", "sign.csv");
     cli_expect("lg-anomaly", "watch named.h5 --input sign.csv", 0, "# windows");
     assert_says(result.err, "line 9: begins as a comment, but has as many cells as a row");

@@ -145,14 +145,14 @@ TEST("a series is read back as it was written") {
     }
 }
 
-TEST("the hash is computed from x as little-endian floats, then the labels") {
+TEST("the hash is computed from x as little-endian floats, then the labels, groups and runs") {
     const lg_series_data *data = read_series(good_file());
     lg_sha256 sha;
     char text[LG_SHA256_TEXT];
     lg_sha256_init(&sha);
-    const void *const arrays[] = {data->series.x, data->series.label};
-    const size_t counts[] = {WINDOWS * WINDOW, WINDOWS};
-    for (size_t a = 0; a < 2; a++)
+    const void *const arrays[] = {data->series.x, data->series.label, data->series.group, data->series.run};
+    const size_t counts[] = {WINDOWS * WINDOW, WINDOWS, WINDOWS, WINDOWS};
+    for (size_t a = 0; a < 4; a++)
         for (size_t i = 0; i < counts[a]; i++) {
             uint32_t bits;
             memcpy(&bits, (const char *)arrays[a] + 4 * i, sizeof bits);

@@ -387,6 +387,13 @@ static void write_foreign(const char *path) {
         put_foreign_attribute(set, i == 0 ? "scale_factor" : "add_offset", H5T_NATIVE_DOUBLE, one, numbers);
         assert_true(H5Dclose(set) >= 0);
     }
+    for (int i = 0; i < 2; i++) {
+        const char *name = i == 0 ? "filled" : "missing";
+        put_foreign(file, name, H5T_STD_I64BE, H5T_NATIVE_INT64, list, H5P_DEFAULT, signs);
+        hid_t set = H5Dopen2(file, name, H5P_DEFAULT);
+        put_foreign_attribute(set, i == 0 ? "_FillValue" : "missing_value", H5T_NATIVE_INT64, one, signs);
+        assert_true(H5Dclose(set) >= 0);
+    }
     put_foreign(file, "deep", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, deep, H5P_DEFAULT, numbers);
     put_foreign(file, "both", both, both, list, H5P_DEFAULT, numbers);
     put_foreign(file, "long", variable, variable, list, H5P_DEFAULT, texts);
@@ -480,6 +487,8 @@ TEST("arrays that other programs wrote are read in every layout, or refused with
         {"null", DOUBLES, LG_FORMAT, "has no shape"},
         {"scaled", DOUBLES, LG_FORMAT, "is packed (scale_factor, add_offset); write the values themselves"},
         {"offset", DOUBLES, LG_FORMAT, "is packed (scale_factor, add_offset); write the values themselves"},
+        {"filled", DOUBLES, LG_OK, ""},
+        {"missing", DOUBLES, LG_OK, ""},
         {"deep", DOUBLES, LG_FORMAT, "has rank 5, but at most 4 can be read"},
         {"both", DOUBLES, LG_FORMAT, "does not hold numbers"},
         {"both", WORDS, LG_FORMAT, "does not hold texts"},
@@ -521,7 +530,10 @@ TEST("arrays that other programs wrote are read in every layout, or refused with
                                      : lg_h5_look(h5, name, 8, &about, &error);
         assert_outcome(name, status, error.message, rows[i].status, rows[i].word);
         if (status != LG_OK) assert_says(error.message, "foreign.h5: ");
-        if (rows[i].as == DOUBLES && status == LG_OK) assert_true(doubles[0] == 1.5 && doubles[1] == 1e300);
+        const bool missing = strcmp(name, "filled") == 0 || strcmp(name, "missing") == 0;
+        if (missing) assert_true(isnan(doubles[0]) && !isnan(doubles[1]));
+        if (rows[i].as == DOUBLES && status == LG_OK && !missing)
+            assert_true(doubles[0] == 1.5 && doubles[1] == 1e300);
         if (rows[i].as == SHAPED) assert_true(about.rank == 0 && about.epsilon == 0x1p-10);
         if (strcmp(name, "vast") == 0) assert_int_equal(rows_seen, 2);
         if (strcmp(name, "list") == 0) assert_string_equal(text, "odd");

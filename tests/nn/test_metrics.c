@@ -145,7 +145,13 @@ TEST("empty classes count as zero or are left out") {
     assert_true(isnan(lg_metrics_of(no_zero, 2, 0).false_positive_rate));
     assert_close(lg_metrics_of(no_zero, 2, 0).recall, 0.8, 1e-15, 0);
     assert_close(lg_metrics_of(nothing, 2, 0).accuracy, 0.0, 0, 0);
-    assert_close(lg_metrics_of(nothing, 2, 0).f1, 0.0, 0, 0);
+    assert_true(isnan(lg_metrics_of(nothing, 2, 0).f1));
+    /* Class 2 neither occurs nor was given: the means are over the other classes. */
+    const uint64_t two_of_three[] = {3, 0, 0, 1, 4, 0, 0, 0, 0}, two[] = {3, 0, 1, 4};
+    assert_close(lg_metrics_of(two_of_three, 3, 0).precision, (3.0 / 4 + 1) / 2, 1e-15, 0);
+    assert_close(lg_metrics_of(two_of_three, 3, 0).recall, (1 + 4.0 / 5) / 2, 1e-15, 0);
+    assert_close(lg_metrics_of(two_of_three, 3, 0).f1, (6.0 / 7 + 8.0 / 9) / 2, 1e-15, 0);
+    assert_close(lg_metrics_of(two, 2, 0).f1, 8.0 / 9, 1e-15, 0);
     uint64_t counted[4] = {9, 9, 9, 9};
     const uint32_t truth[] = {0, 1, 5}, given[] = {1, 1, 0};
     lg_metrics_confusion(truth, given, 3, 2, counted);

@@ -195,8 +195,11 @@ lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready,
                     .missing = monitor->missing};
     if (v.judged) {
         copy_window(monitor);
-        LG_TRY(monitor->judge(monitor->user, monitor->x, monitor->missing, &v.answer, &v.score));
-        vote(monitor, v.answer);
+        const lg_status status =
+            monitor->judge(monitor->user, monitor->x, monitor->missing, &v.answer, &v.score);
+        v.judged = status != LG_NOT_FINITE;
+        if (v.judged) LG_TRY(status);
+        if (v.judged) vote(monitor, v.answer);
     }
     v.positive_votes = (uint32_t)__builtin_popcountll(monitor->ballots);
     v.votes = monitor->cast;

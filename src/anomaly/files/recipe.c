@@ -36,14 +36,11 @@ const lg_field lg_detector_options[] = {
 
 static lg_status read_test(lg_training *self, lg_error *error) {
     lg_detector_state *s = self->state;
-    const lg_series *series = &s->all.data.series, *test = &s->foreign.data.series;
+    lg_series like = s->all.data.series;
+    if (s->any_class) like.classes = 0;
     if (s->test == NULL) return LG_OK;
     self->failed = s->test;
-    LG_TRY(
-        lg_series_read(self->context, s->test, NULL, s->any_class ? NULL : series, &s->foreign.data, error));
-    if (test->channels != series->channels)
-        return lg_fail(error, LG_SHAPE, "%s: has %u channels, but %s has %u", s->test, test->channels,
-                       self->paths[0], series->channels);
+    LG_TRY(lg_series_read_like(self->context, s->test, &like, &s->foreign.data, error));
     self->failed = NULL;
     if (strcmp(s->foreign.data.sha256, s->all.data.sha256) == 0)
         LG_WARN(self, "%s holds the same windows as %s: there is no test on unseen data", s->test,

@@ -171,6 +171,13 @@ static bool has_units(const uint32_t *unit, size_t count) {
     return alike && other;
 }
 
+static bool is_tested(const lg_detector_state *s, uint32_t class) {
+    bool is = false;
+    for (size_t i = 0; i < s->tested.count && !is; i++)
+        is = s->all.data.series.label[s->all.windows.first[s->tested.list[i]]] == class;
+    return is;
+}
+
 static void warn_of_cut(const lg_training *self) {
     const lg_detector_run *run = self->run;
     const lg_series *series = &((lg_detector_state *)self->state)->all.data.series;
@@ -178,6 +185,13 @@ static void warn_of_cut(const lg_training *self) {
                        : has_units(series->run, series->count) ? "run"
                                                                : NULL;
     const bool alone = run->split == LG_SPLIT_RANDOM;
+    for (uint32_t c = 0; run->test_fraction > 0 && c < series->classes; c++)
+        if (!is_tested(self->state, c))
+            LG_WARN(
+                self,
+                "the test part has no window of class '%s', so no figure says how well it is found: give a "
+                "larger --test-fraction, or --test FILE",
+                series->class_name[c]);
     if (run->validation_fraction > 0 && ((lg_detector_state *)self->state)->validation.count == 0)
         LG_WARN(self,
                 "--validation-fraction %g: this fraction of the %ss is too small for one window: there is no "

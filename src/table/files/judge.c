@@ -57,26 +57,6 @@ static void sum_columns(const lg_table_file *file, lg_table_judgement *j) {
     }
 }
 
-static void sum_classes(uint32_t classes, lg_table_judgement *j) {
-    uint64_t right = 0;
-    uint32_t seen = 0;
-    double sum = 0;
-    for (uint32_t c = 0; c < classes; c++) {
-        uint64_t told = 0, is = 0;
-        for (uint32_t k = 0; k < classes; k++) {
-            is += j->confusion[c * classes + k];
-            told += j->confusion[k * classes + c];
-        }
-        const uint64_t hit = j->confusion[c * classes + c];
-        right += hit;
-        if (is + told == 0 || (classes == 2 && c == 0)) continue;
-        sum += 2.0 * (double)hit / (double)(is + told);
-        seen++;
-    }
-    j->accuracy = (double)right / (double)j->rows;
-    j->f1 = seen > 0 ? sum / seen : (double)NAN;
-}
-
 static void add_class(const lg_table_file *file, const lg_table_sheet *sheet, size_t row, double *y,
                       lg_table_judgement *j) {
     const uint32_t classes = file->run.model.net.outputs, truth = sheet->data.label[row];
@@ -142,10 +122,13 @@ lg_status lg_table_judge(lg_training *self, const lg_table_file *file, const lg_
     const lg_status status = run_rows(self, file, model, sheet, chosen, out, error);
     lg_model_destroy(model);
     LG_TRY(status);
-    if (is_regression(file))
+    if (is_regression(file)) {
         sum_columns(file, out);
-    else
-        sum_classes(file->run.model.net.outputs, out);
+        return LG_OK;
+    }
+    const lg_metrics of_classes = lg_metrics_of(out->confusion, file->run.model.net.outputs, 0);
+    out->accuracy = of_classes.accuracy;
+    out->f1 = of_classes.f1;
     return LG_OK;
 }
 

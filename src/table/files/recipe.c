@@ -350,6 +350,14 @@ static lg_status warn_far_outputs(const lg_training *self, const lg_table_sheet 
                              "most of the error comes from these cells", error);
 }
 
+static void warn_of_learned(const lg_training *self, const lg_table_sheet *sheet, const char *sha256) {
+    if (strcmp(sheet->data.sha256, sha256) == 0)
+        LG_WARN(self,
+                "%s is the table of the training: most of these errors are of rows that the model was fitted "
+                "to, and other rows may have larger ones",
+                sheet->path);
+}
+
 static lg_status warn_of_parts(lg_training *self, lg_error *error) {
     const lg_table_state *s = self->state;
     const lg_table_judgement *j = &s->judged;
@@ -361,6 +369,7 @@ static lg_status warn_of_parts(lg_training *self, lg_error *error) {
                 s->part);
     if (s->given.test == NULL) return LG_OK;
     lg_table_warn_outside(self->context, j->outside, j->rows, s->given.test, self->model);
+    warn_of_learned(self, &s->test, s->table.data.sha256);
     return warn_far_outputs(self, &s->test, error);
 }
 
@@ -435,6 +444,7 @@ static lg_status evaluate(lg_training *self, const void *file, lg_error *error) 
     s->file = *(const lg_table_file *)file;
     LG_TRY(lg_table_judge(self, &s->file, &s->table, NULL, 0, &s->judged, error));
     lg_table_warn_outside(self->context, j->outside, j->rows, s->table.path, self->model);
+    warn_of_learned(self, &s->table, s->file.run.data_sha256);
     self->verdict.failed = lg_table_warn_errors(self->context, &s->file, j, s->table.path);
     LG_TRY(warn_far_outputs(self, &s->table, error));
     lg_table_tell(self, &s->file, j);
