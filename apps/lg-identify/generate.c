@@ -126,6 +126,10 @@ static void read_inputs(const app *self, making *m) {
     const double *t = f->value;
     for (m->inputs_end = f->rows > 0; m->inputs_end < f->rows; m->inputs_end++)
         if (!(t[m->inputs_end * f->width] > t[(m->inputs_end - 1) * f->width])) break;
+    if (f->cut) app_warn(self, "%s: the last line was cut off and left out", f->shown);
+    if (m->inputs_end < f->rows)
+        app_warn(self, "%s: %s %zu: the time does not increase: only the rows before it are used", f->shown,
+                 f->place, f->line[m->inputs_end]);
     const double length = m->inputs_end > 0 ? t[(m->inputs_end - 1) * f->width] - t[0] : 0;
     if (!app_given(self, "t-end")) m->t_end = length;
     if (m->t_end > length * (1 + 1e-9) + values.dt || m->inputs_end == 0)
@@ -140,8 +144,9 @@ static void take_inputs(const making *m, size_t run) {
     const size_t inputs = m->file.machine.input_count, all = m->rows + m->delay;
     size_t at = 0;
     for (size_t row = 0; row < all; row++) {
-        const double time = f->value[0] + values.dt * (double)row;
-        while (at + 1 < m->inputs_end && f->value[(at + 1) * f->width] <= time + 1e-9 * values.dt) at++;
+        const double time = f->value[0] + values.dt * (double)row,
+                     rounding = 1e-9 * values.dt + 0x1p-51 * fabs(time);
+        while (at + 1 < m->inputs_end && f->value[(at + 1) * f->width] <= time + rounding) at++;
         const double *now = f->value + at * f->width, *next = at + 1 < m->inputs_end ? now + f->width : now,
                      s = next > now ? fmin(1, fmax(0, (time - now[0]) / (next[0] - now[0]))) : 0;
         for (uint32_t c = 0, k = 1; c < m->file.column_count; c++) {

@@ -57,15 +57,12 @@ static lg_status survey_begin(const lg_detector_problem *problem, const double *
     lg_cnn_layout(&problem->model->net, &s.layout);
     s.layers = s.layout.count - 1;
     s.units = count_units(&problem->model->net, &s.layout, &largest);
-    s.theta = lg_alloc(data->context, s.layout.parameters, k->size);
-    s.low = lg_alloc(data->context, 2 * s.units + 1, sizeof *s.low);
-    s.values = lg_alloc(data->context, s.chunk * largest + 1, sizeof *s.values);
-    s.samples = lg_alloc(data->context, s.chunk, sizeof *s.samples);
     lg_tape_options_init(&options);
     options.dtype = data->dtype;
-    lg_status status = s.theta != NULL && s.low != NULL && s.values != NULL && s.samples != NULL
-                           ? lg_tape_create(data->context, &options, &s.tape)
-                           : LG_OUT_OF_MEMORY;
+    lg_status status = LG_ALLOC_ALL(data->context, {&s.theta, s.layout.parameters, k->size},
+                                    LG_ARRAY(s.low, 2 * s.units + 1),
+                                    LG_ARRAY(s.values, s.chunk * largest + 1), LG_ARRAY(s.samples, s.chunk));
+    if (status == LG_OK) status = lg_tape_create(data->context, &options, &s.tape);
     if (status != LG_OK) {
         survey_end(&s);
         return status;

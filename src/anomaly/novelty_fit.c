@@ -251,20 +251,11 @@ static lg_status check(const lg_novelty_options *o, const lg_series *series, con
 
 static lg_status allocate(fitting *f, const uint32_t *chosen, size_t count, lg_error *error) {
     const size_t d = f->v->features, channels = f->v->channels, rows = f->rows;
-    f->window = lg_alloc(f->context, rows, sizeof *f->window);
-    f->label = lg_alloc(f->context, rows, sizeof *f->label);
-    f->fold = lg_alloc(f->context, rows, sizeof *f->fold);
-    f->table = lg_alloc(f->context, rows * d, sizeof *f->table);
-    f->still = lg_alloc(f->context, rows * channels, sizeof *f->still);
-    f->extreme = lg_alloc(f->context, rows * channels, sizeof *f->extreme);
-    f->z = lg_alloc(f->context, rows * d, sizeof *f->z);
-    f->sums = lg_alloc(f->context, d * d, sizeof *f->sums);
-    f->squares = lg_alloc(f->context, d * d, sizeof *f->squares);
-    f->square = lg_alloc(f->context, rows * lg_novelty_groups(f->v), sizeof *f->square);
-    f->work = lg_alloc(f->context, 2 * d, sizeof *f->work);
-    if (f->window == NULL || f->label == NULL || f->fold == NULL || f->table == NULL || f->still == NULL ||
-        f->extreme == NULL || f->z == NULL || f->sums == NULL || f->squares == NULL || f->square == NULL ||
-        f->work == NULL)
+    if (LG_ALLOC_ALL(f->context, LG_ARRAY(f->window, rows), LG_ARRAY(f->label, rows), LG_ARRAY(f->fold, rows),
+                     LG_ARRAY(f->table, rows * d), LG_ARRAY(f->still, rows * channels),
+                     LG_ARRAY(f->extreme, rows * channels), LG_ARRAY(f->z, rows * d),
+                     LG_ARRAY(f->sums, d * d), LG_ARRAY(f->squares, d * d),
+                     LG_ARRAY(f->square, rows * lg_novelty_groups(f->v)), LG_ARRAY(f->work, 2 * d)) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u features of %zu windows", f->v->features,
                        rows);
     for (size_t i = 0; i < rows; i++) {
@@ -276,9 +267,8 @@ static lg_status allocate(fitting *f, const uint32_t *chosen, size_t count, lg_e
 }
 
 static void release(fitting *f) {
-    void *const blocks[] = {f->window, f->label, f->fold,    f->table,  f->still, f->extreme,
-                            f->z,      f->sums,  f->squares, f->square, f->work};
-    for (size_t i = 0; i < LG_COUNT(blocks); i++) lg_free(f->context, blocks[i]);
+    LG_FREE_ALL(f->context, f->window, f->label, f->fold, f->table, f->still, f->extreme, f->z, f->sums,
+                f->squares, f->square, f->work);
 }
 
 lg_status lg_novelty_fit(const lg_context *context, const lg_novelty_options *options,

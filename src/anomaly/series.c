@@ -23,14 +23,10 @@ lg_status lg_series_allocate(const lg_context *context, lg_series *series, bool 
                       .context = context};
     const uint64_t window = (uint64_t)made.channels * made.length;
     if (window > SIZE_MAX / sizeof(float)) return LG_OUT_OF_MEMORY;
-    made.x = lg_alloc(context, made.count, (size_t)window * sizeof(float));
-    made.label = lg_alloc(context, made.count, sizeof *made.label);
-    made.class_name = lg_alloc(context, made.classes, sizeof *made.class_name);
-    if (with_group) made.group = lg_alloc(context, made.count, sizeof *made.group);
-    if (with_run) made.run = lg_alloc(context, made.count, sizeof *made.run);
-    if (made.x == NULL || made.label == NULL || made.class_name == NULL ||
-        (with_group && made.group == NULL) || (with_run && made.run == NULL))
-        return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(context, {&made.x, made.count, (size_t)window * sizeof(float)},
+                        LG_ARRAY(made.label, made.count), LG_ARRAY(made.class_name, made.classes)));
+    if (with_group) LG_TRY(LG_ALLOC_ALL(context, LG_ARRAY(made.group, made.count)));
+    if (with_run) LG_TRY(LG_ALLOC_ALL(context, LG_ARRAY(made.run, made.count)));
     for (uint32_t c = 0; c < made.classes; c++)
         (void)snprintf(made.class_name[c], sizeof made.class_name[c], "%" PRIu32, c);
     return LG_GIVE(series, made);
@@ -121,9 +117,7 @@ lg_status lg_windows_create(const lg_context *context, const lg_series *series, 
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%zu windows are too many: fewer than 2^32 are possible; take a larger hop",
                        made.count);
-    made.first = lg_alloc(context, made.count, sizeof *made.first);
-    made.offset = lg_alloc(context, made.count, sizeof *made.offset);
-    if (made.first == NULL || made.offset == NULL)
+    if (LG_ALLOC_ALL(context, LG_ARRAY(made.first, made.count), LG_ARRAY(made.offset, made.count)) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the places of the windows");
     (void)cut_all(series, step, &made);
     return LG_GIVE(out, made);
@@ -230,9 +224,7 @@ lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, cons
     LG_TRY_SCRATCH(float, window, context, channels * windows->length, LG_OUT_OF_MEMORY);
     LG_TRY_SCRATCH(double, mean, context, 3 * channels, LG_OUT_OF_MEMORY);
     const scan s = {series, windows, chosen, count, window};
-    made.mean = lg_alloc(context, channels, sizeof *made.mean);
-    made.scale = lg_alloc(context, channels, sizeof *made.scale);
-    if (made.mean == NULL || made.scale == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(context, LG_ARRAY(made.mean, channels), LG_ARRAY(made.scale, channels)));
     for (size_t c = 0; c < channels; c++) mean[2 * channels + c] = 1.0;
     if (!centred) {
         fit_means(&s, mean);

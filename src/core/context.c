@@ -76,6 +76,15 @@ void *lg_alloc(const lg_context *context, uint64_t count, size_t size) {
     return memory;
 }
 
+lg_status lg_alloc_list(const lg_context *context, const lg_array *list, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        void *const memory = lg_alloc(context, list[i].count, list[i].size);
+        if (memory == NULL) return LG_OUT_OF_MEMORY;
+        memcpy(list[i].pointer, &memory, sizeof memory);
+    }
+    return LG_OK;
+}
+
 void lg_free(const lg_context *context, void *memory) {
     if (memory == NULL) return;
     if (context != NULL)

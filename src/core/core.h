@@ -47,6 +47,18 @@
  * size is 0, the pointer is valid. With a NULL context the C library's allocator is used. */
 void *lg_alloc(const lg_context *context, uint64_t count, size_t size);
 void lg_free(const lg_context *context, void *memory);
+/* Allocates arrays of zeros one after the other, LG_ARRAY(pointer, count): LG_OUT_OF_MEMORY if one of them
+ * cannot be; the pointers from this one on stay as they are. */
+typedef struct lg_array {
+    void *pointer; /* address of the pointer */
+    uint64_t count;
+    size_t size;
+} lg_array;
+#define LG_ARRAY(pointer_, count_)                                                                           \
+    { &(pointer_), count_, sizeof *(pointer_) }
+lg_status lg_alloc_list(const lg_context *context, const lg_array *list, size_t count);
+#define LG_ALLOC_ALL(context, ...)                                                                           \
+    lg_alloc_list(context, (const lg_array[]){__VA_ARGS__}, LG_COUNT(((const lg_array[]){__VA_ARGS__})))
 /* Frees each of these blocks, in order; NULL is skipped. */
 void lg_free_list(const lg_context *context, const void *const *list, size_t count);
 #define LG_FREE_ALL(context, ...)                                                                            \

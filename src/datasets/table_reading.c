@@ -172,6 +172,8 @@ static lg_status read_rows(lg_frame *f, const char *class_column, lg_table_data 
     out->line = f->line;
     out->place = f->place;
     out->cut = f->cut;
+    if (f->cut)
+        lg_log_message(f->context, LG_LOG_WARNING, "%s: the last line was cut off and left out", f->shown);
     f->value = NULL;
     f->line = NULL;
     return LG_OK;

@@ -164,7 +164,7 @@ static lg_status put_value(lg_frame *f, size_t row, uint32_t column, double valu
     const lg_frame_use *use = &f->use[column];
     if (use->complete && isnan(value))
         return lg_frame_fail(f, row, f->name[column], error, "the value is missing");
-    if (use->clock != NULL && use->scale == 1 && lg_moment_is_packed(value))
+    if (use->clock != NULL && lg_moment_is_packed(value * use->scale))
         return lg_frame_fail(f, row, f->name[column], error,
                              "%.17g is a date without separators: write dates as 2024-03-01T12:00:00, or "
                              "times in seconds",

@@ -25,7 +25,7 @@
  * Numbers: "", nan, NA, N/A and null are missing (NaN). Infinities are rejected, and so are whole numbers
  * that no double equals, except as times. Times: numbers, or dates with a time and times of day as texts,
  * which become seconds since the first one; a column has one format, and one of dates has no scale. A time
- * without a scale that reads as a date without separators is rejected. Texts: as written; "" if missing. In
+ * that reads as a date without separators when it is in seconds is rejected. Texts: as written; "" if missing. In
  * binary files a whole number is its exact decimal text, a real number the shortest text that reads back as
  * the same number. liegrad/table.h ("tables of numbers") says which files are understood.
  *
@@ -66,8 +66,9 @@ typedef struct lg_clock {
 } lg_clock;
 /* Reads a time at the beginning of a text that may go on. Returns its end, or NULL if no time is there. */
 const char *lg_moment_scan(const char *text, lg_moment *out);
-/* Returns whether a number reads as a date without separators (YYYYMMDDhhmmss); as seconds it would be
- * 600 000 years. */
+/* Returns whether a number of seconds reads as a date without separators: YYYYMMDDhhmmss, also with digits of
+ * a fraction or with milliseconds behind it, YYYYMMDDhhmm or YYMMDDhhmmss. As seconds these are 3000 years or
+ * more. */
 bool lg_moment_is_packed(double number);
 /* Returns the seconds: a number stays as it is; for a date or a time of day they count from the first time,
  * exact to nanoseconds. Returns NaN if the format differs from that of the first time. If a time of day lies

@@ -13,7 +13,7 @@ typedef struct source {
     lg_h5_about about;
     uint32_t first, columns, axis; /* axis: the one along which the rows lie */
     bool matlab;                   /* MATLAB wrote it, with its dimensions in reverse order */
-    double fill[2];                /* netCDF: numbers that stand for a missing value; NaN: none */
+    double fill[LG_H5_FILLS];      /* lg_h5_fills */
 } source;
 
 enum { MOST_SOURCES = 4096 };
@@ -144,7 +144,7 @@ static const char *look(const h5_file *h, const char *name, source *s, lg_error 
 /* Adds the data set behind one link of the root. */
 static herr_t add_source(hid_t group, const char *name, const H5L_info_t *info, void *user) {
     h5_file *h = user;
-    source s = {.columns = 1, .fill = {NAN, NAN}};
+    source s = {.columns = 1};
     lg_error error = {LG_OK, ""};
     (void)snprintf(s.name, sizeof s.name, "%s", name);
     const char *why = look(h, name, &s, &error);
@@ -237,7 +237,7 @@ static bool is_fill(const source *s, char type, const double *number) {
     int64_t whole;
     memcpy(&whole, number, sizeof whole);
     const double value = type == 'i' ? (double)whole : type == 'u' ? (double)(uint64_t)whole : *number;
-    return value == s->fill[0] || value == s->fill[1];
+    return lg_h5_is_fill(s->fill, value);
 }
 
 static lg_status put_numbers(lg_frame *f, const source *s, const double *values, size_t row, size_t rows,

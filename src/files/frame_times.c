@@ -72,8 +72,12 @@ const char *lg_moment_scan(const char *text, lg_moment *out) {
 }
 
 bool lg_moment_is_packed(double number) {
-    const int64_t n = number > 0.0 && number < 1e15 ? (int64_t)number : 0, date = n / 1000000;
-    const int64_t month = date / 100 % 100, day = date % 100;
+    int64_t n = number > 0.0 && number < 1e17 ? (int64_t)number : 0;
+    if (n >= 10000000000000000) n /= 1000;      /* YYYYMMDDhhmmssfff */
+    if (n >= 100000000000 && n < 1000000000000) /* YYYYMMDDhhmm, YYMMDDhhmmss */
+        return (number == floor(number) && lg_moment_is_packed(100.0 * number)) ||
+               lg_moment_is_packed(2e13 + number);
+    const int64_t date = n / 1000000, month = date / 100 % 100, day = date % 100;
     return date >= 19000101 && date <= 21891231 && month >= 1 && month <= 12 && day >= 1 && day <= 31 &&
            n / 10000 % 100 < 24 && n / 100 % 100 < 60 && n % 100 < 60;
 }

@@ -305,7 +305,7 @@ static lg_status read_doubles(lg_h5 *h5, const char *name, const lg_dataset *d, 
                               lg_error *error) {
     const bool whole = is_long(d->type);
     const hid_t type = whole ? lg_h5_long_type(d->type) : H5T_NATIVE_DOUBLE;
-    double fill[2];
+    double fill[LG_H5_FILLS];
     LG_TRY(read_part(h5, name, d, type, room, part, whole || checked, out, error));
     for (uint64_t i = 0; i < count && as != LG_H5_RAW && whole; i++) {
         uint64_t bits;
@@ -318,7 +318,7 @@ static lg_status read_doubles(lg_h5 *h5, const char *name, const lg_dataset *d, 
     }
     lg_h5_fills(h5, name, fill);
     for (uint64_t i = 0; i < count && as != LG_H5_RAW; i++)
-        if (out[i] == fill[0] || out[i] == fill[1]) out[i] = NAN;
+        if (lg_h5_is_fill(fill, out[i])) out[i] = NAN;
     return LG_OK;
 }
 

@@ -143,12 +143,9 @@ static void measuring_end(measuring *m) {
 static lg_status make_arrays(measuring *m) {
     const lg_context *context = m->context;
     const size_t d = lg_model_inputs(m->model), points = m->problem->points, all = m->problem->trajectories;
-    m->work = lg_alloc(context, 1, lg_model_work_size(m->model));
-    m->predicted = lg_alloc(context, points * (d + 2) + 2 * d, sizeof(double));
-    m->courses = lg_alloc(context, all, sizeof(course));
-    m->different = lg_alloc(context, all, sizeof(size_t));
-    if (m->work == NULL || m->predicted == NULL || m->courses == NULL || m->different == NULL)
-        return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(context, {&m->work, 1, lg_model_work_size(m->model)},
+                        LG_ARRAY(m->predicted, points * (d + 2) + 2 * d), LG_ARRAY(m->courses, all),
+                        LG_ARRAY(m->different, all)));
     m->way = m->predicted + points * d, m->gain = m->way + points, m->error = m->gain + points;
     return LG_OK;
 }

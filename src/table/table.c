@@ -108,9 +108,7 @@ lg_status lg_table_scaler_fit(const lg_context *context, const double *values, u
                               const uint32_t *chosen, size_t count, lg_scaler *out) {
     if (values == NULL || out == NULL || count == 0) return LG_INVALID_ARGUMENT;
     LG_CLEAN(lg_scaler_destroy) lg_scaler made = {.channels = columns, .context = context};
-    made.mean = lg_alloc(context, columns, sizeof *made.mean);
-    made.scale = lg_alloc(context, columns, sizeof *made.scale);
-    if (made.mean == NULL || made.scale == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(context, LG_ARRAY(made.mean, columns), LG_ARRAY(made.scale, columns)));
     for (uint32_t c = 0; c < columns; c++)
         LG_TRY(fit_column(values + c, columns, chosen, count, &made.mean[c], &made.scale[c]));
     return LG_GIVE(out, made);

@@ -125,6 +125,16 @@ TEST("an input acts exactly as long as it is held") {
     cli_write("dates.csv", "t,run,u\n20240301000000,0,0\n20240301000001,0,0\n20240301000002,0,0\n");
     cli_expect(identify, "generate mass.yaml --inputs dates.csv --runs 1 --out log.csv", 3,
                "dates.csv: line 2: column t: 20240301000000 is a date without separators");
+    cli_write("twice.csv", "t,run,u\n0,0,0\n1,0,3\n1,0,0\n2,0,0\n");
+    cli_run(identify, "generate mass.yaml --inputs twice.csv --runs 1 --out log.csv");
+    assert_says(result.err,
+                "twice.csv: line 4: the time does not increase: only the rows before it are used");
+    char epoch[4096], *at = epoch + sprintf(epoch, "t,run,u\n");
+    for (int i = 0; i <= 60; i++) at += sprintf(at, "%.2f,0,%d\n", 1700000000.03 + 0.05 * i, i);
+    cli_write("epoch.csv", epoch);
+    cli_run(identify, "generate mass.yaml --inputs epoch.csv --runs 1 --dt 0.05 --out late.csv");
+    u = column("late.csv", "u", &rows);
+    for (size_t i = 0; i < rows; i++) assert_close(u[i], (double)i, 0, 0);
     cli_write("hole.csv", "t,run,u\n0,0,0\n1,0,\n2,0,0\n");
     cli_expect(identify, "generate mass.yaml --inputs hole.csv --runs 1 --out log.csv", 3,
                "hole.csv: line 3: column u: the value is missing");

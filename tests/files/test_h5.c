@@ -391,7 +391,8 @@ static void write_foreign(const char *path) {
         const char *name = i == 0 ? "filled" : "missing";
         put_foreign(file, name, H5T_STD_I64BE, H5T_NATIVE_INT64, list, H5P_DEFAULT, signs);
         hid_t set = H5Dopen2(file, name, H5P_DEFAULT);
-        put_foreign_attribute(set, i == 0 ? "_FillValue" : "missing_value", H5T_NATIVE_INT64, one, signs);
+        put_foreign_attribute(set, i == 0 ? "_FillValue" : "missing_value", H5T_NATIVE_INT64,
+                              i == 0 ? one : list, signs);
         assert_true(H5Dclose(set) >= 0);
     }
     put_foreign(file, "deep", H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, deep, H5P_DEFAULT, numbers);
@@ -531,7 +532,7 @@ TEST("arrays that other programs wrote are read in every layout, or refused with
         assert_outcome(name, status, error.message, rows[i].status, rows[i].word);
         if (status != LG_OK) assert_says(error.message, "foreign.h5: ");
         const bool missing = strcmp(name, "filled") == 0 || strcmp(name, "missing") == 0;
-        if (missing) assert_true(isnan(doubles[0]) && !isnan(doubles[1]));
+        if (missing) assert_true(isnan(doubles[0]) && isnan(doubles[1]) == (*name == 'm'));
         if (rows[i].as == DOUBLES && status == LG_OK && !missing)
             assert_true(doubles[0] == 1.5 && doubles[1] == 1e300);
         if (rows[i].as == SHAPED) assert_true(about.rank == 0 && about.epsilon == 0x1p-10);

@@ -191,6 +191,12 @@ TEST("times of a log may be dates or times of day, which have no scale") {
     refuse_text(machine(LINE), packed, "line 2: column t: 20240229235959 is a date without separators",
                 "write dates as 2024-03-01T12:00:00");
     assert_int_equal(read_text(machine(LINE "scale: {t: 1e-9}\n"), packed)->rows_read, 2);
+    static const char *const also[] = {"20240229235959123", "202402292359", "240229235959", "240229235959.5"};
+    for (size_t i = 0; i < LG_COUNT(also); i++)
+        refuse_text(machine(LINE), test_text("t,q,v\n%s,1,5\n", also[i]),
+                    "line 2: column t: ", "is a date without separators");
+    refuse_text(machine(LINE "scale: {t: 0.001}\n"), "t,q,v\n20240229235959123,1,5\n",
+                "line 2: column t: ", "is a date without separators");
     assert_int_equal(read_text(machine(LINE), "t,q,v\n20240001123456,1,5\n20240001123457,2,6\n")->rows_read,
                      2);
 }

@@ -50,9 +50,7 @@ static lg_status fit_method(const fitting *f, uint32_t k, lg_classifier *c, lg_e
 static lg_status fit_chain(fitting *f, const double *x, const uint32_t *label, const uint32_t *chosen,
                            lg_classifier *c, lg_error *error) {
     const size_t d = f->d;
-    f->x = lg_alloc(f->context, f->n, d * sizeof *f->x);
-    f->label = lg_alloc(f->context, f->n, sizeof *f->label);
-    if (f->x == NULL || f->label == NULL)
+    if (LG_ALLOC_ALL(f->context, LG_ARRAY(f->x, f->n * d), LG_ARRAY(f->label, f->n)) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu rows of %u features", f->n, f->d);
     for (size_t i = 0; i < f->n; i++) {
         const size_t row = lg_chosen_row(chosen, i);

@@ -121,10 +121,8 @@ lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, boo
     LG_TRY(check_create(kind, series, length, scaler, error));
     LG_CLEAN(lg_features_destroy)
     lg_features f = {.kind = kind, .channels = series->channels, .length = length, .context = context};
-    f.select = lg_alloc(context, f.channels, sizeof *f.select);
-    f.pair = lg_alloc(context, 2 * (size_t)f.channels, sizeof *f.pair);
-    f.scale = lg_alloc(context, f.channels, sizeof *f.scale);
-    if (f.select == NULL || f.pair == NULL || f.scale == NULL)
+    if (LG_ALLOC_ALL(context, LG_ARRAY(f.select, f.channels), LG_ARRAY(f.pair, 2 * (size_t)f.channels),
+                     LG_ARRAY(f.scale, f.channels)) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the features of %u channels", f.channels);
     f.segments = kinds[kind]->segments;
     f.bands = lg_spectrum_bands(length, kinds[kind]->bands);

@@ -167,9 +167,7 @@ static void form(const problem *p, double ridge) {
 
 static lg_status make_factor(problem *p) {
     if (p->factor == NULL) {
-        p->factor = lg_alloc(p->context, p->q, p->q * sizeof *p->factor);
-        p->scaled = lg_alloc(p->context, p->n, p->q * sizeof *p->scaled);
-        if (p->factor == NULL || p->scaled == NULL) return LG_OUT_OF_MEMORY;
+        LG_TRY(LG_ALLOC_ALL(p->context, LG_ARRAY(p->factor, p->q * p->q), LG_ARRAY(p->scaled, p->n * p->q)));
     }
     const int q = (int)p->q;
     double ridge = 0.0;
@@ -358,10 +356,8 @@ static void column_means(const double *x, size_t n, size_t d, double *mean) {
 static lg_status take_span(const lg_context *context, const double *x, const double *mean, size_t n, size_t d,
                            span *s, double *out) {
     s->lwork = 64 * (int)n;
-    s->qr = lg_alloc(context, n, d * sizeof *s->qr);
-    s->tau = lg_alloc(context, n, sizeof *s->tau);
-    s->work = lg_alloc(context, (size_t)s->lwork, sizeof *s->work);
-    if (s->qr == NULL || s->tau == NULL || s->work == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(context, LG_ARRAY(s->qr, n * d), LG_ARRAY(s->tau, n),
+                        LG_ARRAY(s->work, (size_t)s->lwork)));
     const int rows = (int)d, columns = (int)n;
     int info = 0;
     for (size_t i = 0; i < n; i++)
@@ -390,28 +386,17 @@ static void centre_rows(const double *x, const double *mean, size_t n, size_t d,
 }
 
 static lg_status problem_allocate(problem *p) {
-    const lg_context *context = p->context;
-    p->x = lg_alloc(context, p->n, p->q * sizeof *p->x);
-    p->label = lg_alloc(context, p->n, sizeof *p->label);
-    p->theta = lg_alloc(context, p->unknowns, sizeof *p->theta);
-    p->trial = lg_alloc(context, p->unknowns, sizeof *p->trial);
-    p->step = lg_alloc(context, p->unknowns, sizeof *p->step);
-    p->gradient = lg_alloc(context, p->unknowns, sizeof *p->gradient);
-    p->score = lg_alloc(context, p->n, p->rows * sizeof *p->score);
-    p->residual = lg_alloc(context, p->n, p->rows * sizeof *p->residual);
-    p->weight = lg_alloc(context, p->n, p->rows * sizeof *p->weight);
-    p->diagonal = lg_alloc(context, p->q, sizeof *p->diagonal);
-    p->vectors = lg_alloc(context, p->unknowns, 4 * sizeof *p->vectors);
-    const bool good = p->x != NULL && p->label != NULL && p->theta != NULL && p->trial != NULL &&
-                      p->step != NULL && p->gradient != NULL && p->score != NULL && p->residual != NULL &&
-                      p->weight != NULL && p->diagonal != NULL && p->vectors != NULL;
-    return good ? LG_OK : LG_OUT_OF_MEMORY;
+    const size_t scores = p->n * p->rows;
+    return LG_ALLOC_ALL(
+        p->context, LG_ARRAY(p->x, p->n * p->q), LG_ARRAY(p->label, p->n), LG_ARRAY(p->theta, p->unknowns),
+        LG_ARRAY(p->trial, p->unknowns), LG_ARRAY(p->step, p->unknowns), LG_ARRAY(p->gradient, p->unknowns),
+        LG_ARRAY(p->score, scores), LG_ARRAY(p->residual, scores), LG_ARRAY(p->weight, scores),
+        LG_ARRAY(p->diagonal, p->q), LG_ARRAY(p->vectors, 4 * p->unknowns));
 }
 
 static void problem_free(problem *p) {
-    void *const blocks[] = {p->x,        p->label,  p->theta,  p->trial,  p->step,     p->gradient, p->score,
-                            p->residual, p->weight, p->scaled, p->factor, p->diagonal, p->vectors};
-    for (size_t i = 0; i < LG_COUNT(blocks); i++) lg_free(p->context, blocks[i]);
+    LG_FREE_ALL(p->context, p->x, p->label, p->theta, p->trial, p->step, p->gradient, p->score, p->residual,
+                p->weight, p->scaled, p->factor, p->diagonal, p->vectors);
 }
 
 /* Writes weights and intercepts of the model from theta. theta has rows only for the classes that occur, and
@@ -470,11 +455,10 @@ static lg_status fit_model(const lg_context *context, const double *x, const uin
         return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes with %u features are too many", classes, d);
     span s = {0};
     LG_SCRATCH(double, mean, context, d);
-    model->weight = lg_alloc(context, rows, d * sizeof *model->weight);
-    model->intercept = lg_alloc(context, rows, sizeof *model->intercept);
-    lg_status status = LG_OUT_OF_MEMORY;
-    if (mean != NULL && model->weight != NULL && model->intercept != NULL)
-        status = solve(&p, x, label, counts, mean, &s, model);
+    lg_status status = mean == NULL ? LG_OUT_OF_MEMORY
+                                    : LG_ALLOC_ALL(context, LG_ARRAY(model->weight, (size_t)rows * d),
+                                                   LG_ARRAY(model->intercept, rows));
+    if (status == LG_OK) status = solve(&p, x, label, counts, mean, &s, model);
     problem_free(&p);
     span_free(context, &s);
     if (status == LG_OK) return LG_OK;

@@ -148,11 +148,8 @@ static lg_status fit_components(const lg_context *context, const double *x, size
 
 static lg_status fit_into(const lg_context *context, const double *x, size_t n, lg_pca *p, lg_error *error) {
     const size_t d = p->inputs;
-    p->mean = lg_alloc(context, d, sizeof *p->mean);
-    p->scale = lg_alloc(context, d, sizeof *p->scale);
-    p->vectors = lg_alloc(context, p->components, d * sizeof *p->vectors);
-    p->variance = lg_alloc(context, p->variances, sizeof *p->variance);
-    if (p->mean == NULL || p->scale == NULL || p->vectors == NULL || p->variance == NULL)
+    if (LG_ALLOC_ALL(context, LG_ARRAY(p->mean, d), LG_ARRAY(p->scale, d),
+                     LG_ARRAY(p->vectors, p->components * d), LG_ARRAY(p->variance, p->variances)) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory to standardise %u features", p->inputs);
     if (measure(x, n, p->inputs, p) != LG_OK)
         return lg_fail(error, LG_NOT_FINITE, "the squares of a feature are too large for a double");

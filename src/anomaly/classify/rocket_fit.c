@@ -112,13 +112,9 @@ static lg_status draw(fitting *fit, const lg_context *context, uint32_t per_kern
     lg_rocket *r = &f->rocket;
     const size_t most = (size_t)LG_ROCKET_KERNELS * MOST_DILATIONS,
                  numbers = (size_t)LG_ROCKET_KERNELS * per_kernel;
-    r->convolution = lg_alloc(context, most, sizeof *r->convolution);
-    r->channel = lg_alloc(context, most * LG_ROCKET_TAPS, sizeof *r->channel);
-    r->bias = lg_alloc(context, numbers, sizeof *r->bias);
-    fit->deck = lg_alloc(context, f->selected, sizeof *fit->deck);
-    fit->x = lg_alloc(context, (size_t)f->channels * f->length, sizeof *fit->x);
-    if (r->convolution == NULL || r->channel == NULL || r->bias == NULL || fit->deck == NULL ||
-        fit->x == NULL)
+    if (LG_ALLOC_ALL(context, LG_ARRAY(r->convolution, most), LG_ARRAY(r->channel, most * LG_ROCKET_TAPS),
+                     LG_ARRAY(r->bias, numbers), LG_ARRAY(fit->deck, f->selected),
+                     LG_ARRAY(fit->x, (size_t)f->channels * f->length)) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu features", numbers);
     list_convolutions(fit, f->length, f->selected, per_kernel, r);
     fit->work = lg_alloc(context, lg_rocket_work_doubles(f), sizeof *fit->work);

@@ -133,12 +133,8 @@ static void fill_lists(training *t) {
 }
 
 static lg_status training_allocate(training *t) {
-    t->order = lg_alloc(t->context, t->n, sizeof *t->order);
-    t->target = lg_alloc(t->context, t->n, sizeof *t->target);
-    t->scaled = lg_alloc(t->context, t->n, t->d * sizeof *t->scaled);
-    t->rows = lg_alloc(t->context, t->n, sizeof *t->rows);
-    const bool good = t->order != NULL && t->target != NULL && t->scaled != NULL && t->rows != NULL;
-    return good ? LG_OK : LG_OUT_OF_MEMORY;
+    return LG_ALLOC_ALL(t->context, LG_ARRAY(t->order, t->n), LG_ARRAY(t->target, t->n),
+                        LG_ARRAY(t->scaled, t->n * t->d), LG_ARRAY(t->rows, t->n));
 }
 
 static void training_free(training *t) {
@@ -255,12 +251,9 @@ static void copy_vectors(const training *t, const struct svm_model *model, lg_sv
 static lg_status convert(const training *t, const struct svm_model *model, lg_svm *out) {
     const size_t classes = t->classes, pairs = classes * (classes - 1) / 2;
     out->vectors = (uint32_t)model->l;
-    out->vectors_of = lg_alloc(t->context, classes, sizeof *out->vectors_of);
-    out->vector = lg_alloc(t->context, out->vectors, t->d * sizeof *out->vector);
-    out->coefficient = lg_alloc(t->context, out->vectors, (classes - 1) * sizeof *out->coefficient);
-    out->rho = lg_alloc(t->context, pairs, sizeof *out->rho);
-    if (out->vectors_of == NULL || out->vector == NULL || out->coefficient == NULL || out->rho == NULL)
-        return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(t->context, LG_ARRAY(out->vectors_of, classes),
+                        LG_ARRAY(out->vector, out->vectors * t->d),
+                        LG_ARRAY(out->coefficient, out->vectors * (classes - 1)), LG_ARRAY(out->rho, pairs)));
     copy_vectors(t, model, out);
     size_t p = 0;
     for (size_t a = 0; a < (size_t)model->nr_class; a++)

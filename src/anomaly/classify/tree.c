@@ -301,25 +301,16 @@ static lg_status check_table(const double *x, const uint32_t *label, size_t n, u
 static lg_status grower_create(grower *g) {
     const size_t n = g->n;
     const uint32_t classes = g->tree.classes;
-    g->items = lg_alloc(g->context, n * g->tree.inputs, sizeof *g->items);
-    g->spare = lg_alloc(g->context, n, sizeof *g->spare);
-    g->side = lg_alloc(g->context, n, 1);
-    g->left = lg_alloc(g->context, classes, sizeof *g->left);
-    g->right = lg_alloc(g->context, classes, sizeof *g->right);
-    g->stack = lg_alloc(g->context, n, sizeof *g->stack);
-    if (g->tree.criterion == LG_ENTROPY) {
-        g->i_log_i = lg_alloc(g->context, n + 1, sizeof *g->i_log_i);
-        if (g->i_log_i == NULL) return LG_OUT_OF_MEMORY;
-        for (size_t i = 2; i <= n; i++) g->i_log_i[i] = (double)i * log2((double)i);
-    }
-    const bool all = g->items != NULL && g->spare != NULL && g->side != NULL && g->left != NULL &&
-                     g->right != NULL && g->stack != NULL;
-    return all ? LG_OK : LG_OUT_OF_MEMORY;
+    const bool entropy = g->tree.criterion == LG_ENTROPY;
+    LG_TRY(LG_ALLOC_ALL(g->context, LG_ARRAY(g->items, n * g->tree.inputs), LG_ARRAY(g->spare, n),
+                        LG_ARRAY(g->side, n), LG_ARRAY(g->left, classes), LG_ARRAY(g->right, classes),
+                        LG_ARRAY(g->stack, n), LG_ARRAY(g->i_log_i, entropy ? n + 1 : 0)));
+    for (size_t i = 2; i <= n && entropy; i++) g->i_log_i[i] = (double)i * log2((double)i);
+    return LG_OK;
 }
 
 static void grower_free(grower *g) {
-    void *const owned[] = {g->items, g->spare, g->side, g->i_log_i, g->left, g->right, g->stack};
-    for (size_t i = 0; i < LG_COUNT(owned); i++) lg_free(g->context, owned[i]);
+    LG_FREE_ALL(g->context, g->items, g->spare, g->side, g->i_log_i, g->left, g->right, g->stack);
     lg_tree_destroy(&g->tree);
 }
 

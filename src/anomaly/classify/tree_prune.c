@@ -53,9 +53,8 @@ lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const 
     copy.context = context;
     copy.node = NULL, copy.counts = NULL;
     LG_TRY_SCRATCH(visit, stack, context, (size_t)tree->count + 1, LG_OUT_OF_MEMORY);
-    copy.node = lg_alloc(context, copy.count, sizeof *copy.node);
-    copy.counts = lg_alloc(context, (size_t)copy.count * copy.classes, sizeof *copy.counts);
-    if (copy.node == NULL || copy.counts == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(context, LG_ARRAY(copy.node, copy.count),
+                        LG_ARRAY(copy.counts, (size_t)copy.count * copy.classes)));
     copy_kept(tree, cut, stack, &copy);
     return LG_GIVE(out, copy);
 }
@@ -85,9 +84,7 @@ static lg_status pruner_create(const lg_context *context, const lg_tree *tree, p
     LG_TRY(lg_tree_compact(context, tree, NULL, &p->tree));
     const lg_tree_node *node = p->tree.node;
     p->nodes = p->tree.count;
-    p->at = lg_alloc(context, p->nodes, sizeof *p->at);
-    p->cut = lg_alloc(context, p->nodes, sizeof *p->cut);
-    if (p->at == NULL || p->cut == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(context, LG_ARRAY(p->at, p->nodes), LG_ARRAY(p->cut, p->nodes)));
     p->at[0].parent = NO_NODE;
     for (uint32_t t = 0; t < p->nodes; t++) {
         p->at[t].own = (double)node[t].samples * node[t].impurity / (double)node[0].samples;

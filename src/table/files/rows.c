@@ -29,10 +29,7 @@ static lg_status load(const lg_context *context, const char *path, const lg_tabl
 lg_status lg_table_sheet_read(const lg_context *context, const char *path, const lg_table_names *inputs,
                               const lg_table_names *outputs, const char *class_column, lg_table_sheet *out,
                               lg_error *error) {
-    LG_TRY(load(context, path, inputs, outputs, class_column, out, error));
-    if (out->data.cut)
-        lg_log_message(context, LG_LOG_WARNING, "%s: the last line was cut off and left out", path);
-    return LG_OK;
+    return load(context, path, inputs, outputs, class_column, out, error);
 }
 
 /* Leaves out rows with missing cells, and warns of them. */
