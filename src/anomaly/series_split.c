@@ -36,12 +36,9 @@ typedef struct unit_set {
 } unit_set;
 
 static lg_status allocate_units(const lg_context *context, size_t items, unit_set *out) {
-    *out = (unit_set){.items = items,
-                      .keys = lg_alloc(context, items, sizeof *out->keys),
-                      .classes = lg_alloc(context, items, sizeof *out->classes),
-                      .unit = lg_alloc(context, items, sizeof *out->unit)};
-    const bool good = out->keys != NULL && out->classes != NULL && out->unit != NULL;
-    return good ? LG_OK : LG_OUT_OF_MEMORY;
+    *out = (unit_set){.items = items};
+    return LG_ALLOC_ALL(context, LG_ARRAY(out->keys, items), LG_ARRAY(out->classes, items),
+                        LG_ARRAY(out->unit, items));
 }
 
 static void free_units(const lg_context *context, unit_set *set) {

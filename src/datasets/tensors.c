@@ -144,9 +144,9 @@ static lg_status take_all(reading *r, lg_error *error) {
         return lg_fail(error, LG_FORMAT, "%s: has more than %d tensors; save fewer", lg_shown_path(r->path),
                        MOST_TENSORS);
     LG_TRY(check_keys(r, root, "the header", error));
-    r->out->tensor = lg_alloc(r->context, pairs + 1, sizeof *r->out->tensor);
-    r->places = lg_alloc(r->context, pairs + 1, sizeof *r->places);
-    if (r->out->tensor == NULL || r->places == NULL) return lg_no_memory_for(r->path, error);
+    if (LG_ALLOC_ALL(r->context, LG_ARRAY(r->out->tensor, pairs + 1), LG_ARRAY(r->places, pairs + 1)) !=
+        LG_OK)
+        return lg_no_memory_for(r->path, error);
     for (yaml_node_pair_t *p = root->data.mapping.pairs.start; p < root->data.mapping.pairs.top; p++) {
         const char *name = lg_node_text(lg_node_at(r->header, p->key), SIZE_MAX);
         const yaml_node_t *about = lg_node_at(r->header, p->value);

@@ -18,20 +18,16 @@ lg_status lg_elastica_curves_create(const lg_context *context, size_t count, uin
         return LG_INVALID_ARGUMENT;
     const size_t row = 2 * ((size_t)intervals + 1) * sizeof(double);
     lg_elastica_curves c = {.count = count, .intervals = intervals, .context = context};
-    c.boundary = lg_alloc(context, count, 8 * sizeof(double));
-    c.q = lg_alloc(context, count, row);
-    c.v = lg_alloc(context, count, row);
-    if (optional) {
-        c.energy = lg_alloc(context, count, sizeof(double));
-        c.x = lg_alloc(context, count, sizeof(double));
-        c.kind = lg_alloc(context, count, sizeof(uint32_t));
-    }
-    if (!c.boundary || !c.q || !c.v || (optional && (!c.energy || !c.x || !c.kind))) {
+    lg_status status = LG_ALLOC_ALL(context, {&c.boundary, count, 8 * sizeof(double)}, {&c.q, count, row},
+                                    {&c.v, count, row});
+    if (optional && status == LG_OK)
+        status =
+            LG_ALLOC_ALL(context, LG_ARRAY(c.energy, count), LG_ARRAY(c.x, count), LG_ARRAY(c.kind, count));
+    if (status == LG_OK)
+        *out = c;
+    else
         lg_elastica_curves_destroy(&c);
-        return LG_OUT_OF_MEMORY;
-    }
-    *out = c;
-    return LG_OK;
+    return status;
 }
 
 void lg_elastica_curves_destroy(lg_elastica_curves *curves) {

@@ -120,22 +120,12 @@ static int decompose(decomposition *d, double *work, int lwork) {
 
 static lg_status reserve(const lg_context *context, decomposition *d) {
     double wanted = 0.0;
-    struct {
-        double **array;
-        size_t count;
-    } const arrays[] = {{&d->mean, d->n},
-                        {&d->y, d->n},
-                        {&d->a, d->count * d->n},
-                        {&d->s, d->least},
-                        {&d->u, d->count * d->least},
-                        {&d->vt, d->least * d->n}};
-    for (size_t i = 0; i < LG_COUNT(arrays); i++)
-        if ((*arrays[i].array = lg_alloc(context, arrays[i].count, sizeof(double))) == NULL)
-            return LG_OUT_OF_MEMORY;
-    d->iwork = lg_alloc(context, 8 * d->least, sizeof *d->iwork);
-    if (d->iwork == NULL || decompose(d, &wanted, -1) != 0 || !(wanted < INT_MAX)) return LG_OUT_OF_MEMORY;
-    d->work = lg_alloc(context, (size_t)wanted, sizeof *d->work);
-    if (d->work == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(context, LG_ARRAY(d->mean, d->n), LG_ARRAY(d->y, d->n),
+                        LG_ARRAY(d->a, d->count * d->n), LG_ARRAY(d->s, d->least),
+                        LG_ARRAY(d->u, d->count * d->least), LG_ARRAY(d->vt, d->least * d->n),
+                        LG_ARRAY(d->iwork, 8 * d->least)));
+    if (decompose(d, &wanted, -1) != 0 || !(wanted < INT_MAX)) return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(context, LG_ARRAY(d->work, (size_t)wanted)));
     d->work[0] = wanted;
     return LG_OK;
 }

@@ -441,9 +441,8 @@ lg_status lg_csv_open_feed(const lg_context *context, int file, const char *name
                   .longest = longest,
                   .wait = wait,
                   .user = user};
-    c->block = lg_alloc(context, BLOCK, 1);
-    c->line = lg_alloc(context, FIRST_LINE, 1);
-    return c->block == NULL || c->line == NULL ? lg_no_memory_for(c->shown, error) : LG_OK;
+    const lg_status status = LG_ALLOC_ALL(context, LG_ARRAY(c->block, BLOCK), LG_ARRAY(c->line, FIRST_LINE));
+    return status == LG_OK ? LG_OK : lg_no_memory_for(c->shown, error);
 }
 
 void lg_csv_close(lg_csv *c) {

@@ -202,10 +202,9 @@ static lg_status make_room(evidence *e) {
     lg_tape_options options;
     lg_tape_options_init(&options);
     LG_TRY(lg_tape_create(e->context, &options, &e->tape));
-    e->chosen = lg_alloc(e->context, e->rows, sizeof *e->chosen);
     if (n > 20000) return LG_OUT_OF_MEMORY;
-    e->memory = lg_alloc(e->context, 5 * n + 3 * n * n + chunk * (n + 1), sizeof *e->memory);
-    if (e->chosen == NULL || e->memory == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(e->context, LG_ARRAY(e->chosen, e->rows),
+                        LG_ARRAY(e->memory, 5 * n + 3 * n * n + chunk * (n + 1))));
     double *next = e->memory + 5 * n;
     e->step = e->memory;
     e->at = (point){.theta = e->memory + n, .g = e->memory + 2 * n, .A = next};
