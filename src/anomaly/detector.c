@@ -17,7 +17,6 @@ const char *lg_detector_loss_name(lg_detector_loss loss) {
 }
 
 lg_status lg_detector_check(const lg_detector *model, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     if (model == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the detector is NULL");
     if ((unsigned)model->loss >= LG_DETECTOR_LOSS_COUNT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown loss");

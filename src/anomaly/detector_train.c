@@ -43,7 +43,6 @@ lg_status lg_detector_data_create(const lg_context *context, const lg_detector *
                                   const lg_scaler *scaler, const lg_series *series, const lg_windows *windows,
                                   const uint32_t *chosen, size_t count, lg_dtype dtype, lg_detector_data *out,
                                   lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     LG_NEEDS(error, model, scaler, series, windows, out);
     if (chosen == NULL) count = windows->count;
     LG_TRY(check_data(model, scaler, series, windows, chosen, count, error));

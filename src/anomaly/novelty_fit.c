@@ -275,7 +275,6 @@ lg_status lg_novelty_fit(const lg_context *context, const lg_novelty_options *op
                          const lg_series *series, const lg_windows *windows, const uint32_t *chosen,
                          size_t count, int threads, lg_novelty *out, lg_error *error) {
     LG_NEEDS(error, options, series, windows, out);
-    (void)lg_fail(error, LG_OK, "%s", "");
     LG_TRY(check(options, series, windows, count, threads, error));
     LG_CLEAN(lg_scaler_destroy) lg_scaler scaler = {.channels = 0};
     LG_CLEAN(lg_novelty_destroy)

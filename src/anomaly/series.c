@@ -91,7 +91,6 @@ static size_t cut_all(const lg_series *series, uint64_t hop, lg_windows *out) {
 
 lg_status lg_windows_create(const lg_context *context, const lg_series *series, size_t length, size_t hop,
                             lg_windows *out, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     if (series == NULL || out == NULL || series->count == 0 || series->length == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "there are no series to cut");
     if (length == 0) length = series->length;

@@ -208,7 +208,6 @@ static lg_status check_split(const split_task *t, const uint8_t *parts, lg_error
 lg_status lg_series_split(const lg_context *context, const lg_series *series, const lg_windows *windows,
                           lg_split split, double test_fraction, double validation_fraction, uint64_t seed,
                           uint8_t *parts, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     split_task t = {.series = series,
                     .windows = windows,
                     .split = split,

@@ -215,6 +215,5 @@ lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_samp
     status = run(&j, families * blocks, error);
     lg_free(context, j.errors);
     LG_TRY(status);
-    (void)lg_fail(error, LG_OK, "%s", "");
     return LG_GIVE(out, curves);
 }

@@ -78,7 +78,6 @@ static void free_fitted(lg_classifier *c) {
 lg_status lg_classifier_fit(const lg_context *context, const lg_classifier_options *options, const double *x,
                             const uint32_t *label, const uint32_t *chosen, size_t count, uint32_t d,
                             uint32_t classes, lg_classifier *out, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     if (options == NULL || options->size != sizeof *options || x == NULL || label == NULL || out == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "an argument is NULL, or the options were not initialised");

@@ -104,7 +104,6 @@ static double *pack_nodes(const lg_tree *tree) {
 
 lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_writer *writer,
                              lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     if (classifier == NULL || writer == NULL || (unsigned)classifier->method >= LG_METHOD_COUNT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "no classifier to save");
     /* A copy that is only read, because the list takes pointers without const. */
@@ -269,7 +268,6 @@ static void forget_others(lg_classifier *c) {
 
 lg_status lg_classifier_load(const lg_context *context, const lg_archive_reader *reader, lg_classifier *out,
                              lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     if (reader == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
     LG_CLEAN(lg_classifier_destroy)
     lg_classifier c = {.features = {.context = context},

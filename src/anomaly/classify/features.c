@@ -136,7 +136,6 @@ lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, boo
 lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bool directions_x,
                              const lg_series *series, uint32_t length, const lg_scaler *scaler,
                              lg_features *out, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     if (series == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
     if (kind == LG_FEATURES_ROCKET)
         return lg_fail(error, LG_INVALID_ARGUMENT,

@@ -23,7 +23,6 @@ static size_t first_unfit(const table *t) {
 
 lg_status lg_features_table(const lg_context *context, const lg_features *features, const lg_series *series,
                             const lg_windows *windows, int threads, double *out, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     if (features == NULL || series == NULL || windows == NULL || out == NULL || threads < 1)
         return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL, or there is less than one thread");
     if (series->channels != features->channels || windows->length != features->length)

@@ -136,7 +136,6 @@ lg_status lg_classifier_search(const lg_context *context, const lg_classifier_op
                                uint32_t folds, const double *x, const uint32_t *label, const uint32_t *unit,
                                const uint32_t *chosen, size_t rows, uint32_t d, uint32_t classes, int threads,
                                double *accuracy, size_t *best, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     if (options == NULL || count == 0 || x == NULL || label == NULL || accuracy == NULL || best == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
     if (rows == 0 || rows > UINT32_MAX || d == 0 || classes < 2 || classes > LG_CLASSES_MAX || threads < 1)

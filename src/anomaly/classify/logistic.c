@@ -468,7 +468,6 @@ static lg_status fit_model(const lg_context *context, const double *x, const uin
 
 lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint32_t *label, size_t n,
                           uint32_t d, uint32_t classes, double c, lg_logistic *out, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     if (label == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
     if (!(c > 0.0) || !isfinite(c))
         return lg_fail(error, LG_INVALID_ARGUMENT, "C is %g, expected a positive number", c);

@@ -158,7 +158,6 @@ static lg_status fit_into(const lg_context *context, const double *x, size_t n, 
 
 lg_status lg_pca_fit(const lg_context *context, const double *x, size_t n, uint32_t d, uint32_t components,
                      lg_pca *out, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     if (out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the place for the result is NULL");
     LG_TRY(lg_check_table(x, n, d, error));
     const size_t small = n < d ? n : d;

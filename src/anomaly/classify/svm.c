@@ -322,7 +322,6 @@ static lg_status check_fit(lg_kernel kernel, double c, double gamma, const uint3
 lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, double gamma, const double *x,
                      const uint32_t *label, size_t n, uint32_t d, uint32_t classes, lg_svm *out,
                      lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     LG_TRY(check_fit(kernel, c, gamma, label, classes, out, error));
     LG_TRY(lg_check_table(x, n, d, error));
     LG_CLEAN(lg_svm_destroy)
