@@ -126,9 +126,8 @@ static lg_status fixed_registers(choosing *c) {
     const lg_scalars *s = c->s;
     lg_interval *to = c->to;
     for (uint32_t i = 0; i < s->count; i++) to->constants += !c->varies[i] && c->uses[i] > 0;
-    to->constant = lg_alloc(to->context, to->constants + 1, 2 * sizeof *to->constant);
-    to->constant_flag = lg_alloc(to->context, to->constants + 1, 1);
-    if (to->constant == NULL || to->constant_flag == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(to->context, LG_ARRAY(to->constant, 2 * (to->constants + 1)),
+                        LG_ARRAY(to->constant_flag, to->constants + 1)));
     for (uint32_t i = 0; i < s->count; i++) {
         if (c->varies[i] || c->uses[i] == 0) continue;
         to->constant[2 * (size_t)c->top] = c->value[i].low;

@@ -547,9 +547,8 @@ static lg_status prepare(searching *s, const lg_program *program, size_t functio
     const size_t members = 4 + (size_t)(3 * log((double)s->numbers)), n = s->n;
     s->evolution.members = members;
     (void)desk_of(s, 0, &s->desk_bytes);
-    s->desks = lg_alloc(s->context, members, s->desk_bytes);
-    s->y = lg_alloc(s->context, (s->directions + POOL) * n, sizeof *s->y);
-    if (s->desks == NULL || s->y == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(s->context, {&s->desks, members, s->desk_bytes},
+                        LG_ARRAY(s->y, (s->directions + POOL) * n)));
     s->pool = s->y + s->directions * n;
     lg_rng_seed(&rng, s->spec->seed, 13);
     for (size_t r = 0; r < s->directions; r++) {

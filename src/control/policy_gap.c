@@ -154,12 +154,10 @@ static lg_status allocate(search *s, lg_error *error) {
     const lg_policy *p = s->policy;
     const size_t x = p->state, errors = p->layout.errors, starts = s->starts, rows = s->rows, n = s->n;
     LG_TRY(lg_policy_plans_create(p, false, names, PLANS, LG_F64, rows, &s->plans, error));
-    s->work = lg_alloc(p->context, s->plans.work, 1);
-    s->minimiser = lg_alloc(p->context, rows, sizeof(lg_minimiser *));
-    s->z = lg_alloc(p->context,
-                    starts * (errors + x + 3 + HOW + n) + rows * (3 * n + HOW + (s->steps + 3) * x + 3) + n,
-                    sizeof *s->z);
-    if (s->z == NULL || s->work == NULL || s->minimiser == NULL)
+    const size_t numbers =
+        starts * (errors + x + 3 + HOW + n) + rows * (3 * n + HOW + (s->steps + 3) * x + 3) + n;
+    if (LG_ALLOC_ALL(p->context, {&s->work, s->plans.work, 1}, LG_ARRAY(s->minimiser, rows),
+                     LG_ARRAY(s->z, numbers)) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a search of inputs from %zu starts", starts);
     s->x = s->z + starts * errors, s->policy_cost = s->x + starts * x;
     s->unit = s->policy_cost + starts, s->best = s->unit + starts;

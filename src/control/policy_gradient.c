@@ -190,11 +190,9 @@ static lg_status allocate(lg_policy_batch *b, int threads, lg_error *error) {
                                   &b->plans, error));
     LG_TRY(lg_thread_pool_create(p->context, threads, &b->pool));
     b->piece_bytes = lay_out(b, NULL, &(piece){0});
-    b->memory = lg_alloc(p->context, points * b->pieces, b->piece_bytes);
-    b->sums = lg_alloc(p->context, points * b->pieces * (p->parameters + 1), sizeof *b->sums);
-    b->starts = lg_alloc(p->context, 2 * points, sizeof *b->starts);
-    b->steps = lg_alloc(p->context, points, sizeof *b->steps);
-    if (b->memory == NULL || b->sums == NULL || b->starts == NULL || b->steps == NULL)
+    if (LG_ALLOC_ALL(p->context, {&b->memory, points * b->pieces, b->piece_bytes},
+                     LG_ARRAY(b->sums, points * b->pieces * (p->parameters + 1)),
+                     LG_ARRAY(b->starts, 2 * points), LG_ARRAY(b->steps, points)) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the runs of a batch");
     b->theta = b->starts + points;
     for (size_t k = 0; k < points; k++) b->steps[k] = b->most;

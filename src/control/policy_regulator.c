@@ -586,9 +586,8 @@ static lg_status begin_compensation(const design *d) {
 static lg_status begin(design *d, lg_policy *p, lg_policy *sliding, uint64_t seed, lg_error *error) {
     *d = (design){p, sliding, .n = p->layout.errors, .m = p->inputs, .seed = seed, .error = error};
     const size_t n = d->n, m = d->m, numbers = n * (n + 2 * m) + SAMPLES * (n + p->state);
-    d->A = lg_alloc(p->context, numbers, sizeof *d->A);
-    d->held = lg_alloc(p->context, SAMPLES, sizeof *d->held);
-    if (d->A == NULL || d->held == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a regulator");
+    if (LG_ALLOC_ALL(p->context, LG_ARRAY(d->A, numbers), LG_ARRAY(d->held, SAMPLES)) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a regulator");
     d->B = d->A + n * n, d->rest = d->B + n * m, d->z = d->rest + n * m, d->x = d->z + SAMPLES * n;
     lg_policy_find_sizes(p, d->size);
     return find_equilibrium(d);

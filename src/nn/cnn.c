@@ -66,7 +66,6 @@ static bool few_parameters(const lg_cnn *net) {
 }
 
 lg_status lg_cnn_init(lg_cnn *net, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     if (net == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "the network is NULL");
     if (net->blocks > LG_CNN_MAX_BLOCKS)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%" PRIu32 " blocks; at most %d are possible", net->blocks,

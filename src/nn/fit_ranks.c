@@ -79,9 +79,8 @@ lg_status lg_fit_ranks_create(lg_fit *fit) {
         for (size_t i = first; i < end; i++) fit->shards[i].rank = r;
         if (r == ranks->rank) fit->first = first, fit->end = end;
     }
-    fit->message_bytes = lg_alloc(fit->context, ranks->count, sizeof *fit->message_bytes);
-    fit->stops = lg_alloc(fit->context, ranks->count, sizeof *fit->stops);
-    return fit->message_bytes == NULL || fit->stops == NULL ? LG_OUT_OF_MEMORY : LG_OK;
+    return LG_ALLOC_ALL(fit->context, LG_ARRAY(fit->message_bytes, ranks->count),
+                        LG_ARRAY(fit->stops, ranks->count));
 }
 
 void lg_fit_ranks_destroy(lg_fit *fit) {

@@ -103,9 +103,8 @@ static lg_status allocate(lg_minimiser *m) {
         lg_minimise_rows(ranks->rank, ranks->count, m->n, &m->first, &m->end);
         m->held -= (m->n - (m->end - m->first)) * stride;
     }
-    m->memory = lg_alloc(m->context, VECTORS * stride + m->held, sizeof *m->memory);
-    m->bytes = lg_alloc(m->context, ranks != NULL ? ranks->count : 1, sizeof *m->bytes);
-    if (m->memory == NULL || m->bytes == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(m->context, LG_ARRAY(m->memory, VECTORS * stride + m->held),
+                        LG_ARRAY(m->bytes, ranks != NULL ? ranks->count : 1)));
     double **const vectors[VECTORS] = {&m->x, &m->g, &m->d, &m->point, &m->s, &m->y};
     for (size_t i = 0; i < VECTORS; i++) *vectors[i] = m->memory + i * stride;
     m->curvature = m->memory + VECTORS * stride;
@@ -114,7 +113,6 @@ static lg_status allocate(lg_minimiser *m) {
 
 lg_status lg_minimiser_create(const lg_context *context, size_t n, const lg_minimise_options *options,
                               const double *x, lg_minimiser **out, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     lg_minimise_options chosen;
     lg_minimise_options_init(&chosen);
     if (options != NULL) chosen = *options;

@@ -214,10 +214,8 @@ static void write_all(writing *w) {
     const lg_c_options *o = w->options;
     const size_t count = o->function_count > 0 ? o->function_count : c->program->functions;
     lg_c_source *out = w->out;
-    out->function = lg_alloc(c->context, count + 1, sizeof *out->function);
-    out->work = lg_alloc(c->context, count + 1, sizeof *out->work);
-    out->depth = lg_alloc(c->context, count + 1, sizeof *out->depth);
-    if (out->function == NULL || out->work == NULL || out->depth == NULL) {
+    if (LG_ALLOC_ALL(c->context, LG_ARRAY(out->function, count + 1), LG_ARRAY(out->work, count + 1),
+                     LG_ARRAY(out->depth, count + 1)) != LG_OK) {
         lg_c_fail_memory(c);
         return;
     }

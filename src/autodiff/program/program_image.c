@@ -176,12 +176,8 @@ static lg_status make_lists(making *m) {
         return lg_fail(m->error, LG_FORMAT, "function '%s' has too many numbers",
                        lg_shown_name(from->name, shown));
     f->nodes = (uint32_t)from->operation_count;
-    f->node = lg_alloc(context, f->nodes, sizeof *f->node);
-    f->edges = lg_alloc(context, (size_t)edges, sizeof *f->edges);
-    f->reals = lg_alloc(context, (size_t)reals, sizeof *f->reals);
-    f->indices = lg_alloc(context, (size_t)indices, sizeof *f->indices);
-    const bool made = f->node != NULL && f->edges != NULL && f->reals != NULL && f->indices != NULL;
-    return made ? LG_OK : LG_OUT_OF_MEMORY;
+    return LG_ALLOC_ALL(context, LG_ARRAY(f->node, f->nodes), LG_ARRAY(f->edges, edges),
+                        LG_ARRAY(f->reals, reals), LG_ARRAY(f->indices, indices));
 }
 
 static uint32_t *copy_numbers(const lg_context *context, const uint32_t *from, size_t count) {
