@@ -148,8 +148,7 @@ static void read_model_error(const app *self, lg_policy *policy, naming names, c
                              double *out) {
     double x;
     const size_t positions = names.positions;
-    for (size_t i = 0; i < names.n; i++) out[i] = 0;
-    if (values.model_error == NULL) return;
+    if (values.model_error == NULL) return; /* errors begin as 0 */
     if (strcmp(values.model_error, "auto") == 0) {
         draw_model_error(self, policy, names, high, out);
         return;
@@ -286,10 +285,10 @@ static double six_digits(double x) {
     return lg_real(text, NULL);
 }
 
-/* A number of at most 6 digits that is not above x > 0. */
+/* A number of at most 6 digits that is not above x. */
 static double rounded_down(double x) {
     double out = six_digits(x);
-    for (int i = 1; i <= 10 && !(out <= x); i++) out = six_digits(x * (1 - i * 1e-6));
+    for (int i = 1; i <= 10 && !(out <= x); i++) out = six_digits(x - i * 1e-6 * fabs(x));
     return out;
 }
 
@@ -301,10 +300,11 @@ static void tell(app *self, naming names, const verdict *v) {
     APP_FREE char *reason = r->verified ? NULL : tell_reason(out, names, v);
     if (!r->verified) app_result_text(out, "reason", reason, NULL);
     if (v->global) {
-        app_result_real(out, "margin", v->margin, "of the input's force over the potential's");
+        app_result_real(out, "margin", rounded_down(v->margin), "of the input's force over the potential's");
     } else if (values.lyapunov == ENERGY) {
-        APP_PUT(out, APP_REAL("level", r->level, NULL),
-                APP_REAL("angle", v->margin, "radians: all rotations at rest up to it are in the set"));
+        APP_PUT(out, APP_REAL("level", rounded_down(r->level), NULL),
+                APP_REAL("angle", rounded_down(v->margin),
+                         "radians: all rotations at rest up to it are in the set"));
     } else {
         APP_PUT(out, APP_REAL("level", rounded_down(r->level), NULL),
                 APP_REAL("volume", rounded_down(r->volume), "of {V <= level}, a lower bound"),
@@ -333,6 +333,12 @@ static char *name_file(const app *self, const char *path) {
     return app_format("%s (SHA-256 %.12s)", app_name_of(path), text);
 }
 
+void control_add_continuous(lg_text *claim, double period) {
+    lg_text_add(claim,
+                " It is about inputs that follow the state at all times; the controller holds them for %g.",
+                period);
+}
+
 /* The sentence of a proof, with what it is about before it, and what it covers after it. */
 static char *tell_claim(const app *self, naming names, bool chosen, bool rounded, const char *proof,
                         const char *more) {
@@ -349,11 +355,7 @@ static char *tell_claim(const app *self, naming names, bool chosen, bool rounded
         lg_text_add(&text, "plant and the controller of kind %s in %s", of_kind, own);
     }
     lg_text_add(&text, ":%s%s Inputs stay in their limits.", proof[0] == 'N' ? " that" : "", rest + 1);
-    if (values.loop)
-        lg_text_add(
-            &text,
-            " It is about inputs that follow the state at all times; the controller holds them for %g.",
-            names.task->period);
+    if (values.loop) control_add_continuous(&text, names.task->period);
     for (uint32_t i = 0; i < names.task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &names.task->coordinate[i];
         const bool oldest =
@@ -576,9 +578,9 @@ static char *tell_gate(const lg_policy *policy, const double *P, double level) {
     double ratio;
     if (P == NULL || lg_policy_bound_gate(policy, P, level, &ratio, NULL) != LG_OK)
         return app_format("%s", "");
-    return app_format(" In the set the network's gate leaves at least %.3g %% of the input to the regulator "
-                      "(its own V is at most %.4g of the level where the gate is half open).",
-                      100 / (1 + exp(4.5 * (ratio - 1))), ratio);
+    return app_format(" In the set the network's gate leaves at least %g %% of the input to the regulator "
+                      "(its own V is at most %g of the level where the gate is half open).",
+                      rounded_down(100 / (1 + exp(4.5 * (ratio - 1)))), -rounded_down(-ratio));
 }
 
 /* Fills what is to be proved. Returns a policy with the gains that were chosen, which the caller owns, or
@@ -622,10 +624,6 @@ static lg_certify *begin_proof(const app *self, const lg_program *program, doubl
     return certify;
 }
 
-static void copy_name(char out[LG_CERTIFICATE_NAME], const char *path) {
-    (void)lg_format(out, LG_CERTIFICATE_NAME, "%s", app_name_of(path));
-}
-
 static void write_certificate(const app *self, naming names, lg_certify_spec *spec,
                               const lg_certify_result *proved) {
     const char *own = self->arguments[0];
@@ -636,11 +634,12 @@ static void write_certificate(const app *self, naming names, lg_certify_spec *sp
         spec->period = 0;
     }
     APP_DO(self, lg_certificate_make, spec, proved, INFINITY, &file);
-    for (size_t i = 0; i < file.states; i++) copy_name(file.names[i], name_of(names, i));
+    for (size_t i = 0; i < file.states; i++)
+        (void)lg_format(file.names[i], sizeof file.names[i], "%s", name_of(names, i));
     APP_FREE char *plant =
         is_task(self->arguments[0]) ? control_plant_path(self, own) : app_format("%s", own);
-    copy_name(file.plant, plant);
-    copy_name(file.controller, own);
+    (void)lg_format(file.plant, sizeof file.plant, "%s", app_name_of(plant));
+    (void)lg_format(file.controller, sizeof file.controller, "%s", app_name_of(own));
     APP_FILE(self, values.certificate, lg_certificate_save, &file);
     lg_certificate_destroy(&file);
 }

@@ -52,6 +52,8 @@ void control_draw_error(const app *self, lg_policy *policy, const char *plant, b
  * by row; 0 of them: as the file says. */
 lg_policy *control_read_policy(const app *self, const char *path, const double *gains, size_t count);
 
+/* Says that a claim is about continuous inputs, of a loop whose inputs are held for `period` (certify.c). */
+void control_add_continuous(lg_text *claim, double period);
 /* Whether the states of the certificate have the names of the policy's states (certify.c). */
 bool control_has_states(const lg_policy *policy, const lg_certificate *file);
 

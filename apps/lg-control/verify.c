@@ -11,6 +11,7 @@ static const lg_field options[] = {APP_BOUND(app_common, "Largest time of the pr
 
 typedef struct comparison {
     bool compared, plant, controller, period, states;
+    double held; /* of a certificate of continuous inputs: for how long they are held; otherwise 0 */
 } comparison;
 
 static comparison compare(const app *self, const lg_certificate *file, const char *path) {
@@ -20,7 +21,9 @@ static comparison compare(const app *self, const lg_certificate *file, const cha
     APP_MUST(self, lg_policy_add_rate(policy, &program, &error));
     APP_MUST(self, lg_certificate_compare(file, program, "rate_by_input", "input_by_state", &c.plant,
                                           &c.controller, &error));
-    c.period = file->period == 0 || file->period == lg_policy_task_of(policy)->period;
+    const double period = lg_policy_task_of(policy)->period;
+    c.held = file->period == 0 ? period : 0;
+    c.period = c.held > 0 || file->period == period;
     c.states = control_has_states(policy, file);
     lg_policy_destroy(policy);
     return c;
@@ -68,7 +71,7 @@ static void tell(app *self, const lg_certificate *file, const lg_certify_result 
             LG_AS_TEXT("controller_sha256", file->controller_sha256));
     if (c->compared)
         APP_PUT(out, LG_AS_FLAG("same_plant", c->plant), LG_AS_FLAG("same_controller", c->controller),
-                LG_AS_FLAG("same_period", c->period));
+                LG_AS_FLAG("same_period", c->period && c->held == 0));
     APP_PUT(out, APP_REAL("level", r->level, NULL), APP_WHOLE("boxes", r->boxes, "examined"),
             APP_REAL("seconds", r->seconds, NULL));
     if (!r->verified) tell_box(out, file, r);
@@ -94,6 +97,10 @@ static void run(app *self) {
                          : strcmp(r.claim, file.claim) != 0 ? "the file claims something else than its "
                                                               "numbers, which are proved"
                                                             : other;
+    APP_CLEAN(lg_text_destroy) lg_text claim = app_text();
+    lg_text_add(&claim, "%s", r.claim);
+    if (c.held > 0) control_add_continuous(&claim, c.held);
+    r.claim = claim.data;
     tell(self, &file, &r, &c, reason);
     lg_certify_destroy(certify);
     lg_certificate_destroy(&file);

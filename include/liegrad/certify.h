@@ -85,13 +85,15 @@ typedef struct lg_certify_result {
 LG_API void lg_certify_spec_init(lg_certify_spec *spec);
 /* Prepares a proof. Nothing of `spec` is kept. Errors: LG_INVALID_ARGUMENT (sizes, a box that does not hold
  * the goal, P not positive definite), LG_NOT_FOUND (functions), LG_UNSUPPORTED (an operation without interval
- * form or Taylor coefficients; steps and held loops without P). */
+ * form or Taylor coefficients; steps and held loops without P; a thread whose rounding mode is not
+ * FE_TONEAREST). */
 LG_API lg_status lg_certify_create(const lg_context *context, const lg_certify_spec *spec, lg_certify **out,
                                    lg_error *error);
 LG_API void lg_certify_destroy(lg_certify *certify);
 /* Works until the proof is finished, has failed, or `boxes` more boxes or about `seconds` are spent; a
- * further call continues. A run by boxes gives the same result on every call. Errors: LG_CANCELLED,
- * LG_INVALID_ARGUMENT. */
+ * further call continues. A run by boxes gives the same result on every call. Errors: LG_CANCELLED (a further
+ * call continues), LG_OUT_OF_MEMORY (boxes are lost: the proof has failed, and no further call verifies it),
+ * LG_UNSUPPORTED (the rounding mode of the thread is not FE_TONEAREST), LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_certify_run(lg_certify *certify, size_t boxes, double seconds, lg_certify_result *result,
                                 lg_error *error);
 
@@ -117,7 +119,7 @@ enum { LG_CERTIFICATE_STATES = 16, LG_CERTIFICATE_NAME = 64, LG_CERTIFICATE_CLAI
  * holds. Coordinates y of the proof: x = goal + T y. docs/certificates.md is the guide. */
 typedef struct lg_certificate {
     char claim[LG_CERTIFICATE_CLAIM], names[LG_CERTIFICATE_STATES][LG_CERTIFICATE_NAME]; /* of the states */
-    /* Names for people, not empty */
+    /* Names for people, not empty, which nothing checks; bytes that are not UTF-8 are saved as '?' */
     char plant[LG_CERTIFICATE_NAME], controller[LG_CERTIFICATE_NAME];
     /* Of the code of each in the file; set by lg_certificate_load */
     char plant_sha256[LG_CERTIFICATE_SHA256], controller_sha256[LG_CERTIFICATE_SHA256];
@@ -228,12 +230,14 @@ LG_API lg_status lg_certify_attitude(const double *A, double damping, lg_certify
 
 /* ---- attitude: feedback of the half angle, with limits of the inputs ---- */
 
-/* The loop J w' + w x J w = -k z - D w with R' = R hat(w), z = 2 sin(a/2) n, where a in [0, pi] is the
- * angle and n the axis of Q = R_goal^T R. V = w.J w/2 + 4 k (1 - cos(a/2)) falls with w.D w. In {V < 4 k}
- * the angle is below pi, so z is smooth, and Q = 1 is the only critical rotation; by LaSalle's theorem
- * motions converge to it. The torque is that of inputs u_l = -g_l.(k_p z + k_d w) as long as they are
- * inside of limits: the level is the largest c <= 4 k at which |g_l.z| <= |g_l| |z| and |g_l.w|^2 <=
- * g_l.J^-1 g_l 2 (c - Phi) prove |u_l| <= limit_l. The form of the loop is the caller's statement. */
+/* The loop J w' + w x J w = -k z - D w with R' = R hat(w), z = 2 sin(a/2) cos(a/2)/r(cos(a/2)) n, r(x) =
+ * sqrt(x^2 + 1e-6), where a in [0, pi] is the angle and n the axis of Q = R_goal^T R: the feedback of the
+ * kind energy of liegrad/policy.h, which is smooth. V = w.J w/2 + Phi, Phi = 4 k (r(1) - r(cos(a/2))), falls
+ * with w.D w. Phi is critical at Q = 1, and at the angle pi, where it is 4 k (r(1) - 1e-3) = 3.996 k. In {V <
+ * this} the angle is below pi; by LaSalle's theorem motions converge to Q = 1. The torque is that of inputs
+ * u_l = -g_l.(k_p z + k_d w) as long as they are inside of limits: the level is the largest c up to 3.996 k
+ * at which |g_l.z| <= |g_l| |z| and |g_l.w|^2 <= g_l.J^-1 g_l 2 (c - Phi) prove |u_l| <= limit_l. The form
+ * of the loop is the caller's statement. */
 typedef struct lg_certify_rotation_spec {
     size_t size;        /* sizeof(lg_certify_rotation_spec) */
     double J[9];        /* (3, 3) symmetric, positive definite */
@@ -248,7 +252,7 @@ typedef struct lg_certify_rotation_spec {
 typedef struct lg_certify_rotation_result {
     bool verified;
     double level;    /* c */
-    double critical; /* 4 k, the level without limits */
+    double critical; /* 3.996 k, V at rest at the angle pi: the level without limits */
     double angle;    /* radians: every rotation at rest up to this angle is in {V < c} */
     char claim[640], reason[128];
 } lg_certify_rotation_result;

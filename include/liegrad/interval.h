@@ -8,7 +8,8 @@
  *   status = lg_interval_eval(f, boxes, lower, upper, low, high, flags, work, &error);
  *
  * Meaning. The functions are functions of real numbers here: for every point of a box, the exact value lies
- * between the bounds. All bounds are rounded outward. How far they are from the true range, in units of 2^-52
+ * between the bounds. All bounds are rounded outward, for which the thread must round to nearest (the mode
+ * FE_TONEAREST, the default). How far they are from the true range, in units of 2^-52
  * of the bound and 2^-1074: sums, products, quotients and roots 1; functions such as sin 12, exp and sigmoid
  * 14; whole powers 1.2 n more; dexpinv coefficients 180. sin and cos have 2^-100 |x| more, and -1 and 1 where
  * |x| exceeds 1e6. Stumpff functions at numbers have 132 units of their value at 0 for w >= 0 (c_0 2^-104
@@ -55,8 +56,8 @@ LG_API void lg_interval_options_init(lg_interval_options *options);
 /* Prepares functions of a program, evaluated together for one row; the caller destroys the evaluator. All
  * functions must have the same inputs. `options` NULL means the defaults. The evaluator keeps nothing of the
  * program but its context. Errors: LG_UNSUPPORTED (an operation without interval form, which the message
- * names; more than a million operations on numbers), LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT
- * (no functions, inputs that differ), LG_SHAPE. */
+ * names; more than a million operations on numbers; another rounding mode), LG_NOT_FOUND (no such function),
+ * LG_INVALID_ARGUMENT (no functions, inputs that differ), LG_SHAPE. */
 LG_API lg_status lg_interval_create(const lg_program *program, const size_t *functions, size_t count,
                                     const lg_interval_options *options, lg_interval **out, lg_error *error);
 LG_API void lg_interval_destroy(lg_interval *interval);
@@ -105,7 +106,8 @@ LG_API size_t lg_interval_work_size(const lg_interval *interval);
  * slope, has at most LG_INTERVAL_CONTINUOUS. Allocates
  * nothing and takes no lock; threads may share an evaluator, each with its own work memory. Bounds of a box
  * do not depend on the other boxes. Errors, with the box in the message; outputs are then untouched:
- * LG_NOT_FINITE (a bound of a box is not finite), LG_INVALID_ARGUMENT (a lower bound above its upper bound,
+ * LG_UNSUPPORTED (another rounding mode than FE_TONEAREST), LG_NOT_FINITE (a bound of a box is not finite),
+ * LG_INVALID_ARGUMENT (a lower bound above its upper bound,
  * NULL). */
 LG_API lg_status lg_interval_eval(const lg_interval *interval, size_t boxes, const double *lower,
                                   const double *upper, double *out_lower, double *out_upper, uint8_t *flags,
@@ -117,7 +119,7 @@ LG_API lg_status lg_interval_eval(const lg_interval *interval, size_t boxes, con
  * a unit times the result, functions as exp by 8, Stumpff functions by 64. Numbers below the smallest normal
  * one may become 0. A bound is inf where rounding may decide a jump, where a number may overflow or leave
  * the domain of an operation, and for coefficients of dexpinv. Errors: LG_INVALID_ARGUMENT (the unit, a box
- * that is empty or not finite), LG_NOT_FOUND, LG_UNSUPPORTED (no interval form). */
+ * that is empty or not finite), LG_NOT_FOUND, LG_UNSUPPORTED (no interval form; another rounding mode). */
 LG_API lg_status lg_interval_rounding(const lg_program *program, size_t function, const double *low,
                                       const double *high, double unit, double *bound, lg_error *error);
 

@@ -234,8 +234,8 @@ LG_API const lg_policy_regulator *lg_policy_regulator_of(const lg_policy *policy
  *   rate_by_gains, advance_by_gains  (z, K) -> the same with the saturated regulator of a shared K
  * `program`: the policy's program, to which a Lyapunov function may be added; it belongs to the policy. If
  * the functions are there already, nothing is added. Errors: LG_UNSUPPORTED (directions, rotations, bristles,
- * dead times that are no whole periods), LG_NOT_FOUND (a plant without `field`), those of
- * lg_program_add_function. */
+ * dead times that are no whole periods, a free position that operations of the plant's motion use),
+ * LG_NOT_FOUND (a plant without `field`), those of lg_program_add_function. */
 LG_API lg_status lg_policy_add_rate(lg_policy *policy, lg_program **program, lg_error *error);
 
 /* For a network with a gate, of a machine of lines and angles, |angle| <= pi: an upper bound *ratio of V/c

@@ -119,9 +119,15 @@ static lg_var record_line(lg_tape *tape, const lg_certificate_line *l, uint32_t 
                              : r->three(tape, a, b, of[l->in[2]]);
 }
 
+typedef struct part {
+    const lg_certificate *f;
+    const lg_certificate_code *code;
+} part;
+
 /* Inputs of the code are the elements of `in`, of which the first has `states`. */
-static lg_status record_code(const lg_certificate *f, const lg_certificate_code *code, lg_tape *tape,
-                             const lg_var *in, lg_var *out) {
+static lg_status record_part(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const lg_certificate *f = ((const part *)user)->f;
+    const lg_certificate_code *code = ((const part *)user)->code;
     const uint32_t n = f->states, rows = lg_var_shape(tape, in[0]).dims[0];
     LG_TRY_SCRATCH(lg_var, of, f->context, code->lines + code->outputs, LG_OUT_OF_MEMORY);
     lg_var *to = of + code->lines;
@@ -137,17 +143,6 @@ static lg_status record_code(const lg_certificate *f, const lg_certificate_code 
     return lg_tape_status(tape);
 }
 
-static lg_status record_rate(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const lg_certificate *f = user;
-    return record_code(f, &f->rate, tape, in, out);
-}
-
-static lg_status record_control(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                lg_var *out) {
-    const lg_certificate *f = user;
-    return record_code(f, &f->control, tape, in, out);
-}
-
 static lg_status record_closed(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                lg_var *out) {
     const lg_var u = lg_program_call(tape, "control", 0, in);
@@ -160,10 +155,11 @@ static lg_status make_program(const lg_certificate *f, lg_program **out, lg_erro
     const lg_port in[2] = {{.name = "x", .shape = lg_shape1(f->states)},
                            {.name = "u", .shape = lg_shape1(f->inputs)}},
                   rate = {.name = "dx"}, input = {.name = "v"};
-    void *user = (void *)f;
-    const lg_function_spec functions[3] = {{"rate", in, f->inputs > 0 ? 2 : 1, &rate, 1, record_rate, user},
-                                           {"control", in, 1, &input, 1, record_control, user},
-                                           {"closed", in, 1, &rate, 1, record_closed, user}};
+    part parts[2] = {{f, &f->rate}, {f, &f->control}};
+    const lg_function_spec functions[3] = {
+        {"rate", in, f->inputs > 0 ? 2 : 1, &rate, 1, record_part, &parts[0]},
+        {"control", in, 1, &input, 1, record_part, &parts[1]},
+        {"closed", in, 1, &rate, 1, record_closed, NULL}};
     return lg_program_of(f->context, functions, f->inputs > 0 ? 3 : 1, out, error);
 }
 

@@ -77,7 +77,8 @@ static lg_status begin_quadratic(lg_certify *c, lg_error *error) {
         memcpy(c->failed_low, c->low, sizeof c->low);
         memcpy(c->failed_high, c->high, sizeof c->high);
         (void)lg_format(c->reason, sizeof c->reason,
-                        "{V <= %.6g} is not inside of the box; it is up to the level %.6g", c->level, reach);
+                        "{V <= %.6g} is not inside of the box; it is up to the level %s", c->level,
+                        LG_DIGITS(reach, -1));
         return LG_OK;
     }
     return lg_certify_begin(c, LG_CERTIFY_FALL);
@@ -140,37 +141,32 @@ lg_status lg_certify_create_for(const lg_context *context, const lg_certify_spec
 
 /* ---- the sentence ---- */
 
-/* A number with 6 digits, or more until it is not above x (side -1), not below x (1), or x (0): what the
- * sentence says is not more than what is proved. */
-enum { NUMBER = 32 };
-static const char *number(char text[NUMBER], double x, int side) {
+const char *lg_digits(char text[LG_DIGITS_MOST], double x, int side) {
     static const struct {
         int digits;
         double more;
     } tries[] = {{6, 0}, {9, 1e-8}, {17, 0}};
     for (size_t i = 0; i < LG_COUNT(tries); i++) {
-        (void)lg_format(text, NUMBER, "%.*g", tries[i].digits, x + side * tries[i].more * fabs(x));
+        (void)lg_format(text, LG_DIGITS_MOST, "%.*g", tries[i].digits, x + side * tries[i].more * fabs(x));
         const double read = lg_real(text, NULL);
         if (side < 0 ? read <= x : side > 0 ? read >= x : read == x) break;
     }
     return text;
 }
 
-enum { BOX = LG_CERTIFY_STATES * (2 * NUMBER + sizeof " x [, ]") };
+enum { BOX = LG_CERTIFY_STATES * (2 * LG_DIGITS_MOST + sizeof " x [, ]") };
 
 static void write_box(const lg_certify *c, char text[BOX]) {
-    char low[NUMBER], high[NUMBER];
     size_t at = 0;
     for (size_t i = 0; i < c->n; i++)
         if (isfinite(c->low[i]))
             at += (size_t)lg_format(text + at, BOX - at, "%s[%s, %s]", i == 0 ? "" : " x ",
-                                    number(low, c->low[i], 1), number(high, c->high[i], -1));
+                                    LG_DIGITS(c->low[i], 1), LG_DIGITS(c->high[i], -1));
         else
             at += (size_t)lg_format(text + at, BOX - at, "%s(-inf, inf)", i == 0 ? "" : " x ");
 }
 
-/* The longest bound has 9 bytes. */
-enum { ERROR = sizeof "the next state may err by up to () per component" + LG_CERTIFY_STATES * (2 + 9) };
+enum { ERROR = 64 + LG_CERTIFY_STATES * (2 + LG_DIGITS_MOST) };
 
 /* One bound where all components have the same. */
 static void write_error(const lg_certify *c, char text[ERROR]) {
@@ -183,7 +179,7 @@ static void write_error(const lg_certify *c, char text[ERROR]) {
     size_t at = (size_t)snprintf(text, ERROR, "the %s may err by up to %s", c->step ? "next state" : "rate",
                                  equal ? "" : "(");
     for (size_t i = 0; i < (equal ? 1 : c->n); i++)
-        at += (size_t)lg_format(text + at, ERROR - at, "%s%.3g", i > 0 ? ", " : "", c->error[i]);
+        at += (size_t)lg_format(text + at, ERROR - at, "%s%s", i > 0 ? ", " : "", LG_DIGITS(c->error[i], -1));
     (void)snprintf(text + at, ERROR - at, equal ? " per component" : ")");
 }
 
@@ -207,14 +203,13 @@ static void write_claim(lg_certify *c) {
     else if (c->input_error > 0)
         (void)snprintf(rounded, sizeof rounded,
                        "; the controller's rounding has no bound and is not covered");
-    char period[NUMBER], bound[NUMBER], eps[NUMBER], level[NUMBER];
     if (c->flow != NULL) {
         (void)lg_format(falls, sizeof falls,
                         "V falls in every period of the exact motion (inputs are held for %s)",
-                        number(period, c->period, 0));
+                        LG_DIGITS(c->period, 0));
         if (isfinite(c->between) && c->between > 0)
             (void)lg_format(between, sizeof between, " and V <= %s between the samples%s",
-                            number(bound, c->between, 1), c->errors ? " (of the model)" : "");
+                            LG_DIGITS(c->between, 1), c->errors ? " (of the model)" : "");
         else
             (void)snprintf(between, sizeof between, "; V has no bound between the samples");
     } else if (c->step)
@@ -222,19 +217,13 @@ static void write_claim(lg_certify *c) {
     (void)lg_format(c->claim, sizeof c->claim,
                     "%s: in the box %s, %s for eps = %s <= V <= c = %s, {V <= c} does not leave the box, and "
                     "motions from it %s%s; %s%s; angles are counted, not wrapped.",
-                    verified ? "Proved" : "Not proved", box, falls, number(eps, fmin(c->eps, c->level), 1),
-                    number(level, c->level, -1),
+                    verified ? "Proved" : "Not proved", box, falls, LG_DIGITS(fmin(c->eps, c->level), 1),
+                    LG_DIGITS(c->level, -1),
                     c->converges
                         ? c->rounds ? "converge to the goal in exact arithmetic" : "converge to the goal"
                     : c->step ? "reach {V < eps} again and again and stay in {V <= c}"
                               : "reach {V < eps} about the goal and stay there",
                     between, error, rounded);
-}
-
-static double box_volume(const lg_certify *c) {
-    double product = 1;
-    for (size_t i = 0; i < c->n; i++) product *= c->high[i] - c->low[i];
-    return product;
 }
 
 static void fill(lg_certify *c, lg_certify_result *r) {
@@ -256,7 +245,8 @@ static void fill(lg_certify *c, lg_certify_result *r) {
         for (size_t i = 0; i < c->n; i++) c->width[i] = sqrt(c->level) * lg_certify_width(c, i);
         r->width = c->width;
     }
-    r->fraction = isfinite(box_volume(c)) ? r->volume / box_volume(c) : 0;
+    r->fraction = r->volume;
+    for (size_t i = 0; i < c->n; i++) r->fraction /= c->high[i] - c->low[i];
     if (!r->verified) {
         r->failed_low = c->failed_low;
         r->failed_high = c->failed_high;
@@ -266,11 +256,15 @@ static void fill(lg_certify *c, lg_certify_result *r) {
 lg_status lg_certify_run(lg_certify *c, size_t boxes, double seconds, lg_certify_result *result,
                          lg_error *error) {
     LG_NEEDS(error, c, result);
+    LG_TRY(lg_interval_nearest(error));
     const double start = lg_seconds(), before = c->seconds;
     const size_t end = boxes > SIZE_MAX - c->boxes ? SIZE_MAX : c->boxes + boxes;
     while (c->phase != LG_CERTIFY_DONE && c->boxes < end && lg_seconds() - start < seconds) {
         if (lg_cancelled(c->context)) return lg_fail(error, LG_CANCELLED, "the proof was interrupted");
-        if (lg_certify_work(c) != LG_OK) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for more boxes");
+        if (lg_certify_work(c) != LG_OK) { /* boxes are lost */
+            lg_certify_fail(c, c->batch, "there was no memory for more boxes");
+            return lg_fail(error, LG_OUT_OF_MEMORY, "%s", c->reason);
+        }
         c->seconds = before + lg_seconds() - start;
     }
     if (c->phase != LG_CERTIFY_DONE) { /* the box that would be next */

@@ -11,7 +11,12 @@
 #include "liegrad/certify.h"
 #include "liegrad/interval.h"
 
-enum { LG_CERTIFY_STATES = 16, LG_CERTIFY_TEXT = 1024 };
+enum { LG_CERTIFY_STATES = 16, LG_CERTIFY_TEXT = 1024, LG_DIGITS_MOST = 32 };
+
+/* certify.c: x with 6 digits, or more until it is not above x (side -1), not below x (1), or x (0): what a
+ * sentence says is not more than what is proved. The text lives as long as the block. */
+#define LG_DIGITS(x, side) lg_digits((char[LG_DIGITS_MOST]){0}, x, side)
+const char *lg_digits(char text[LG_DIGITS_MOST], double x, int side);
 
 typedef enum lg_certify_phase {
     LG_CERTIFY_FACES,   /* V > c on the faces of the box */

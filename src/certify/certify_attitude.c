@@ -3,9 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "certify/certify.h"
 #include "kernels/lapack.h"
-#include "liegrad/certify.h"
 
 /* Eigenvalues of a symmetric matrix, ascending; errors are below 1e-13 of the largest number (Weyl). */
 static bool eigenvalues(const double *A, double *a) {
@@ -42,10 +41,11 @@ lg_status lg_certify_attitude(const double *A, double damping, lg_certify_attitu
                         : "the damping is not positive");
     (void)lg_format(
         r.claim, sizeof r.claim,
-        "%s: motions from {w.J w/2 + tr(A (1 - Q)) < c = %.6g} converge to the goal (continuous inputs, no "
-        "limit of torque, no model error); further critical rotations, by pi, have the values %.6g, %.6g, "
-        "%.6g, so this is almost global, not global.",
-        r.verified ? "Proved" : "Not proved", r.level, r.critical[0], r.critical[1], r.critical[2]);
+        "%s: motions from {w.J w/2 + tr(A (1 - Q)) < c = %s} converge to the goal (continuous inputs, no "
+        "limit of torque, no model error); further critical rotations, by pi, have values of at least %s, "
+        "%s, %s, so this is almost global, not global.",
+        r.verified ? "Proved" : "Not proved", LG_DIGITS(r.level, -1), LG_DIGITS(r.critical[0], -1),
+        LG_DIGITS(r.critical[1], -1), LG_DIGITS(r.critical[2], -1));
     *result = r;
     return LG_OK;
 }

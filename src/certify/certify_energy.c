@@ -3,10 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "autodiff/program/program.h"
-#include "core/clean.h"
-#include "liegrad/certify.h"
-#include "liegrad/interval.h"
+#include "certify/certify.h"
 
 LG_AT(lg_program_destroy, lg_program)
 LG_AT(lg_interval_destroy, lg_interval)
@@ -109,13 +106,13 @@ static void say(const lg_certify_energy_spec *spec, lg_certify_energy_result *r)
     char margin[128] = "";
     if (r->verified)
         (void)lg_format(margin, sizeof margin,
-                        "; the torque exceeds the potential's by at least %.4g for |q| >= %.4g", r->margin,
-                        spec->saturated);
+                        "; the torque exceeds the potential's by at least %s for |q| >= %s",
+                        LG_DIGITS(r->margin, -1), LG_DIGITS(spec->saturated, 1));
     (void)lg_format(
         r->claim, sizeof r->claim,
         "%s: from every state, with the angle counted on the real line and the torque inside one limit, "
-        "motions converge to q = 0 (continuous inputs, damping at least %.4g, no model error beyond it)%s.",
-        r->verified ? "Proved" : "Not proved", spec->damping, margin);
+        "motions converge to q = 0 (continuous inputs, damping at least %s, no model error beyond it)%s.",
+        r->verified ? "Proved" : "Not proved", LG_DIGITS(spec->damping, -1), margin);
 }
 
 static lg_status check(const lg_certify_energy_spec *spec, lg_error *error) {

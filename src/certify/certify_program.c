@@ -41,25 +41,13 @@ static lg_var value(const recording *r, lg_tape *tape, lg_var z) {
     return lg_reshape(tape, v, lg_shape2(shape.dims[0], 1));
 }
 
-static lg_var rate(const recording *r, lg_tape *tape, lg_var z) {
-    const lg_var x = add_goal(r->c, tape, z, 1);
-    lg_var f = LG_NONE;
-    (void)lg_program_record(tape, r->from, r->rate, NULL, &x, &f);
-    return f;
-}
-
-static lg_var slope(lg_tape *tape, lg_var v, lg_var z) {
-    lg_var g = LG_NONE;
-    (void)lg_grad(tape, lg_sum(tape, v), &z, 1, &g);
-    return g;
-}
-
 /* The gradient of V by z, and the rate (for steps: the next deviation) */
 static lg_status local(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const recording *r = user;
-    const lg_var z = deviation(r->c, tape, in[0]);
-    out[0] = slope(tape, value(r, tape, z), z);
-    out[1] = r->held ? in[1] : rate(r, tape, z);
+    const lg_var z = deviation(r->c, tape, in[0]), x = r->held ? in[1] : add_goal(r->c, tape, z, 1);
+    LG_TRY(lg_grad(tape, lg_sum(tape, value(r, tape, z)), &z, 1, &out[0]));
+    out[1] = x;
+    if (!r->held) LG_TRY(lg_program_record(tape, r->from, r->rate, NULL, &x, &out[1]));
     if (r->c->step && !r->held) out[1] = add_goal(r->c, tape, out[1], -1);
     return lg_tape_status(tape);
 }

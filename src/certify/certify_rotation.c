@@ -2,11 +2,13 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "core/core.h"
+#include "certify/certify.h"
 #include "kernels/matrix.h"
-#include "liegrad/certify.h"
 
 enum { INPUTS = 16 };
+
+/* r(x) = sqrt(x^2 + 1e-6) keeps the feedback smooth at the angle pi: r(0) and r(1). */
+static const double bottom = 1e-3, top = 1.000000499999875;
 
 void lg_certify_rotation_spec_init(lg_certify_rotation_spec *spec) {
     if (spec != NULL) *spec = (lg_certify_rotation_spec){.size = sizeof *spec};
@@ -47,17 +49,21 @@ static lg_status take(const lg_certify_rotation_spec *spec, bound *bounds, lg_er
     return LG_OK;
 }
 
-/* An upper bound of the input in {V <= c}: of 2 stiff sqrt(2 p - p^2) + fast sqrt(2 (c - 4 k p)) over 0 <=
- * p <= c/(4 k), p = 1 - cos(a/2). The function is concave, so the tangent at a point near its maximum
- * bounds it; a part in 1e6 is more than that and rounding need. */
+/* sin(a/2) where Phi = 4 k p: r(cos(a/2)) = top - p */
+static double half_sine(double p) {
+    return sqrt(p * (2 * top - p));
+}
+
+/* An upper bound of the input in {V <= c}: of 2 stiff sin(a/2) + fast sqrt(2 (c - 4 k p)) over 0 <= p <=
+ * c/(4 k), as |z| <= 2 sin(a/2). The function is concave, so the tangent at a point near its maximum bounds
+ * it; a part in 1e6 is more than that and rounding need. */
 static double largest(const bound *b, double k, double c) {
     double low = 0, high = c / (4 * k), most = 0;
     for (int i = 0; i < 200; i++) {
         double value[2];
         for (int side = 0; side < 2; side++) {
             const double p = low + (high - low) * (side == 0 ? 0.382 : 0.618);
-            value[side] =
-                2 * b->stiff * sqrt(fmax(p * (2 - p), 0)) + b->fast * sqrt(2 * fmax(c - 4 * k * p, 0));
+            value[side] = 2 * b->stiff * half_sine(p) + b->fast * sqrt(2 * fmax(c - 4 * k * p, 0));
             most = fmax(most, value[side]);
         }
         if (value[0] < value[1])
@@ -68,8 +74,8 @@ static double largest(const bound *b, double k, double c) {
     return most * (1 + 1e-6);
 }
 
-static double find_level(const bound *bounds, size_t inputs, double k) {
-    double level = 4 * k * (1 - 1e-9);
+static double find_level(const bound *bounds, size_t inputs, double k, double critical) {
+    double level = critical * (1 - 1e-9);
     for (size_t l = 0; l < inputs; l++) {
         if (largest(&bounds[l], k, level) <= bounds[l].limit) continue;
         double good = 0, bad = level;
@@ -88,19 +94,20 @@ lg_status lg_certify_rotation(const lg_certify_rotation_spec *spec, lg_certify_r
     LG_NEEDS(error, spec, result);
     LG_TRY(take(spec, bounds, error));
     const double k = spec->stiffness;
-    lg_certify_rotation_result r = {.verified = k > 0 && spec->damping > 0, .critical = 4 * fmax(k, 0)};
-    if (r.verified) r.level = find_level(bounds, spec->inputs, k);
-    if (r.verified) r.angle = 2 * acos(fmax(1 - r.level / r.critical, 0)) * (1 - 1e-9);
-    if (!r.verified)
+    lg_certify_rotation_result r = {.verified = k > 0 && spec->damping > 0,
+                                    .critical = 4 * fmax(k, 0) * (top - bottom)};
+    if (r.verified) {
+        r.level = find_level(bounds, spec->inputs, k, r.critical);
+        r.angle = 2 * asin(half_sine(r.level / (4 * k))) * (1 - 1e-9);
+    } else
         (void)snprintf(r.reason, sizeof r.reason, "the %s is not positive", k > 0 ? "damping" : "stiffness");
     (void)lg_format(
         r.claim, sizeof r.claim,
-        "%s: motions from {w.J w/2 + 4 k (1 - cos(a/2)) < c = %.6g} converge to the goal, with k = %.6g "
-        "and the angle a of the rotation from the goal; these are all rotations at rest up to %.6g "
-        "radians; inputs stay inside of their limits, so the torque is -k z - D w there (continuous "
-        "inputs, no model error). At the angle pi, c = %.6g, the feedback jumps: no continuous feedback "
-        "brings every rotation to the goal.",
-        r.verified ? "Proved" : "Not proved", r.level, k, r.angle, r.critical);
+        "%s: motions from {w.J w/2 + 4 k (r(1) - r(cos(a/2))) < c = %s} converge to the goal, with k = %.6g, "
+        "r(x) = sqrt(x^2 + 1e-6) and the angle a of the rotation from the goal; these are all rotations at "
+        "rest up to %s radians; inputs stay inside of their limits, so the torque is -k z - D w there, with "
+        "z = 2 sin(a/2) cos(a/2)/r(cos(a/2)) along the axis (continuous inputs, no model error).",
+        r.verified ? "Proved" : "Not proved", LG_DIGITS(r.level, -1), k, LG_DIGITS(r.angle, -1));
     *result = r;
     return LG_OK;
 }

@@ -30,11 +30,8 @@ LG_AT(lg_flow_destroy, lg_flow)
 struct lg_flow {
     const lg_context *context;
     size_t n, m;
-    double period;
     uint32_t steps;
-    const double *goal, *T; /* while functions are recorded */
-    const lg_program *from;
-    size_t rate, control;
+    lg_flow_spec spec; /* its pointers serve while functions are recorded */
     lg_program *program;
     lg_interval *f[EVALUATORS];
     double error[32]; /* of u */
@@ -45,24 +42,24 @@ struct lg_flow {
 
 static lg_var shifted(const lg_flow *w, lg_tape *tape, lg_var z) {
     bool moved = false;
-    for (size_t i = 0; i < w->n; i++) moved = moved || w->goal[i] != 0.0;
-    return moved ? lg_add(tape, z, lg_input_f64(tape, lg_shape1((uint32_t)w->n), w->goal)) : z;
+    for (size_t i = 0; i < w->n; i++) moved = moved || w->spec.goal[i] != 0.0;
+    return moved ? lg_add(tape, z, lg_input_f64(tape, lg_shape1((uint32_t)w->n), w->spec.goal)) : z;
 }
 
 /* y -> z, u */
 static lg_status start(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const lg_flow *w = user;
     const uint32_t n = (uint32_t)w->n;
-    out[0] = lg_matmul_nt(tape, in[0], lg_input_f64(tape, lg_shape2(n, n), w->T));
+    out[0] = lg_matmul_nt(tape, in[0], lg_input_f64(tape, lg_shape2(n, n), w->spec.T));
     const lg_var x = shifted(w, tape, out[0]);
-    return lg_program_record(tape, w->from, w->control, NULL, &x, &out[1]);
+    return lg_program_record(tape, w->spec.program, w->spec.control, NULL, &x, &out[1]);
 }
 
 /* z, u -> z' */
 static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const lg_flow *w = user;
     const lg_var x[2] = {shifted(w, tape, in[0]), in[1]};
-    return lg_program_record(tape, w->from, w->rate, NULL, x, out);
+    return lg_program_record(tape, w->spec.program, w->spec.rate, NULL, x, out);
 }
 
 /* Picard's map of a tube: z_0, u, Z, [0, h] -> z_0 + [0, h] f(Z, u) */
@@ -155,11 +152,7 @@ static lg_status record(lg_flow *w, lg_error *error) {
                                           {"field", at, 2, out, 1, field, w},
                                           {"tube", from, 4, out, 1, tube, w},
                                           {"advance", many, INPUTS, out, 5, advance, w}};
-    lg_program_spec program;
-    lg_program_spec_init(&program);
-    program.functions = functions;
-    program.function_count = LG_COUNT(functions);
-    return lg_program_build(w->context, &program, &w->program, error);
+    return lg_program_of(w->context, functions, LG_COUNT(functions), &w->program, error);
 }
 
 static lg_status evaluators(lg_flow *w, lg_error *error) {
@@ -365,15 +358,13 @@ static void find_widths(const desk *d, double h) {
     }
 }
 
-static void report_parts(desk *d, double h) {
+static void report_parts(desk *d, const lg_bounds *const *in, double h) {
     const lg_flow_boxes *b = d->b;
-    const lg_bounds *const in[INPUTS] = {&d->zm, &d->c, &d->r, &d->A, &d->dr, &d->fx,
-                                         &d->W,  &d->S, &d->K, &d->k, &d->t,  &d->h};
     const lg_bounds *const out[2] = {&d->D, &d->Q};
     const uint32_t steps = d->w->steps << b->doublings, parts = steps < PARTS ? PARTS / steps : 1;
     for (uint32_t p = 0; p < parts; p++) {
         set(&d->t, b->count, p * h / parts, (p + 1) * h / parts);
-        EVALUATE(d, ADVANCE, in, out);
+        evaluate(d, ADVANCE, in, INPUTS, out, 2);
         b->part(b->user, b->count, &d->zm, &d->S, &d->D, &d->Q, p * h / parts, (p + 1) * h / parts);
     }
 }
@@ -391,9 +382,9 @@ static void step(desk *d, double h) {
     EVALUATE(d, REST_SLOPES, ((const lg_bounds *[]){&d->Z, &d->u}), ((const lg_bounds *[]){&d->dr}));
     EVALUATE(d, RATE_SLOPES, ((const lg_bounds *[]){&d->Z, &d->u}), ((const lg_bounds *[]){&d->fx}));
     find_widths(d, h);
-    if (b->part != NULL) report_parts(d, h);
     const lg_bounds *const in[INPUTS] = {&d->zm, &d->c, &d->r, &d->A, &d->dr, &d->fx,
                                          &d->W,  &d->S, &d->K, &d->k, &d->t,  &d->h};
+    if (b->part != NULL) report_parts(d, in, h);
     const lg_bounds *const out[5] = {&d->D, &d->Q, &b->F, &b->S, &d->z};
     set(&d->t, b->count, h, h);
     EVALUATE(d, ADVANCE, in, out);
@@ -437,19 +428,14 @@ void lg_flow_eval(const lg_flow *w, const lg_flow_boxes *b, void *work) {
         d.k.low[i] = l == 0 ? 0 : nextafter(l, -DBL_MAX);
         d.k.high[i] = h == 0 ? 0 : nextafter(h, DBL_MAX);
     }
-    for (uint32_t k = 0; k < steps; k++) step(&d, w->period / steps);
+    for (uint32_t k = 0; k < steps; k++) step(&d, w->spec.period / steps);
     copy(&b->X, &d.z, b->count);
+    const lg_bounds *const all[3] = {&b->F, &b->S, &b->X};
     for (size_t i = 0; i < b->count; i++) {
-        for (size_t j = 0; j < n * n; j++) {
-            const bool finite = b->S.low[i * n * n + j] >= -DBL_MAX && b->S.high[i * n * n + j] <= DBL_MAX;
-            if (!finite) b->unbounded[i] = true;
-        }
-        for (size_t j = i * n; j < (i + 1) * n; j++)
-            if (!(b->F.low[j] >= -DBL_MAX && b->F.high[j] <= DBL_MAX && b->X.low[j] >= -DBL_MAX &&
-                  b->X.high[j] <= DBL_MAX))
-                b->unbounded[i] = true;
+        for (size_t p = 0; p < 3; p++)
+            for (size_t j = i * all[p]->width; j < (i + 1) * all[p]->width; j++)
+                if (!(all[p]->low[j] >= -DBL_MAX && all[p]->high[j] <= DBL_MAX)) b->unbounded[i] = true;
         if (!b->unbounded[i]) continue;
-        const lg_bounds *const all[3] = {&b->F, &b->S, &b->X};
         for (size_t p = 0; p < 3; p++) {
             memset(all[p]->low + i * all[p]->width, 0, all[p]->width * sizeof(double));
             memset(all[p]->high + i * all[p]->width, 0, all[p]->width * sizeof(double));
@@ -479,7 +465,7 @@ static lg_status choose_steps(lg_flow *w) {
         const size_t from = i / n * all + i % n;
         A[i] = 0.5 * d.fx.low[from] + 0.5 * d.fx.high[from];
     }
-    const double fast = lg_matrix_radius(n, A) * w->period;
+    const double fast = lg_matrix_radius(n, A) * w->spec.period;
     for (w->steps = 1; fast / w->steps > longest && w->steps < MOST_STEPS;) w->steps *= 2;
     return LG_OK;
 }
@@ -498,12 +484,7 @@ static lg_status begin(lg_flow *w, const lg_flow_spec *spec, lg_error *error) {
             error, LG_INVALID_ARGUMENT,
             "the rate needs the inputs x (n) and u (m) and the output x' (n), the control the input "
             "x (n) and the output u (m), with n + m at most 32");
-    w->period = spec->period;
-    w->from = spec->program;
-    w->rate = spec->rate;
-    w->control = spec->control;
-    w->goal = spec->goal;
-    w->T = spec->T;
+    w->spec = *spec;
     LG_TRY(record(w, error));
     LG_TRY(evaluators(w, error));
     return choose_steps(w);

@@ -1,11 +1,17 @@
 /* Interval evaluation of programs, without allocation or locks. */
 #include "certify/interval.h"
 
+#include <fenv.h>
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
 LG_AT(lg_interval_destroy, lg_interval)
+
+lg_status lg_interval_nearest(lg_error *error) {
+    if (fegetround() == FE_TONEAREST) return LG_OK;
+    return lg_fail(error, LG_UNSUPPORTED, "bounds need the rounding mode FE_TONEAREST of this thread");
+}
 
 void lg_interval_options_init(lg_interval_options *options) {
     if (options != NULL) *options = (lg_interval_options){.size = sizeof *options};
@@ -158,6 +164,7 @@ lg_status lg_interval_eval(const lg_interval *f, size_t boxes, const double *low
                            double *out_lower, double *out_upper, uint8_t *flags, void *work,
                            lg_error *error) {
     LG_NEEDS(error, f, lower, upper, out_lower, out_upper, work);
+    LG_TRY(lg_interval_nearest(error));
     LG_TRY(check(f, boxes, lower, upper, error));
     const lg_bounds *const in[] = {&(lg_bounds){(double *)(uintptr_t)lower, (double *)(uintptr_t)upper,
                                                 f->inputs}},

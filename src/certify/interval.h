@@ -28,6 +28,9 @@ typedef struct lg_interval_code {
 typedef void lg_interval_run(size_t count, const lg_interval_code *code, double *registers, uint8_t *flags);
 lg_interval_run *lg_interval_kernel(lg_isa isa); /* NULL: this machine has not the instruction set */
 
+/* Fails unless the calling thread rounds to nearest, as all bounds need. */
+lg_status lg_interval_nearest(lg_error *error);
+
 /* What the operation makes of bounds and levels of its operands. `alike`: equal operands are one number. */
 typedef struct lg_interval_value {
     double low, high;

@@ -129,6 +129,7 @@ lg_status lg_expand(const lg_program *program, const size_t *functions, size_t c
     *out = (lg_expansion){.heap = {.context = program->context}};
     lg_scalars_init(&out->s, program->context);
     out->s.level_of = lg_interval_level;
+    LG_TRY(lg_interval_nearest(error));
     LG_TRY(check(program, functions, count, error));
     expanding x = {.to = out, .program = program, .error = error};
     const lg_function *first = &program->function[functions[0]];

@@ -20,11 +20,11 @@ typedef struct fitting {
     const lg_context *context;
     lg_program *program;
     const lg_lyapunov_spec *spec;
-    size_t n, rate, map, terms, points, rows;
+    size_t n, rate, map, terms, points;
     uint8_t power[TERMS][STATES];
     double scale[STATES]; /* the largest |q| in the box */
     double *x, *q, *dq;   /* (points, n) */
-    double *A, *b, *c;    /* (rows, terms), (rows), (terms) */
+    double *A, *b, *c;    /* (points, terms), (points), (terms) */
     double coefficient[TERMS];
 } fitting;
 
@@ -127,11 +127,9 @@ static void fill_rows(fitting *f) {
         double *row = f->A + i * f->terms, size = 0, norm = 0;
         monomials(f, f->q + i * f->n, f->dq + i * f->n, value, rate);
         for (size_t k = 0; k < f->n; k++) size += pow(f->q[i * f->n + k] / f->scale[k], 2);
-        for (size_t j = 0; j < f->terms; j++) {
-            f->c[j] += value[j] / (double)f->points;
-        }
         const bool edge = i % 3 == 0;
         for (size_t j = 0; j < f->terms; j++) {
+            f->c[j] += value[j] / (double)f->points;
             row[j] = edge ? value[j] : -rate[j];
             norm += row[j] * row[j];
         }
@@ -149,7 +147,7 @@ static bool orthonormalise(fitting *f, double *gram, double *L, double *total) {
     for (int round = 0; round < 2; round++) {
         double largest = 0;
         memset(gram, 0, n * n * sizeof *gram);
-        for (size_t i = 0; i < f->rows; i++)
+        for (size_t i = 0; i < f->points; i++)
             for (size_t j = 0; j < n; j++)
                 for (size_t k = 0; k <= j; k++) gram[j * n + k] += f->A[i * n + j] * f->A[i * n + k];
         for (size_t j = 0; j < n; j++)
@@ -157,7 +155,7 @@ static bool orthonormalise(fitting *f, double *gram, double *L, double *total) {
         for (size_t j = 0; j < n; j++) largest = fmax(largest, gram[j * n + j]);
         for (size_t j = 0; j < n; j++) gram[j * n + j] += 1e-15 * largest;
         if (!lg_matrix_cholesky(n, gram, L)) return false;
-        for (size_t i = 0; i < f->rows; i++) /* rows of A L^-T */
+        for (size_t i = 0; i < f->points; i++) /* rows of A L^-T */
             for (size_t j = 0; j < n; j++) {
                 double rest = f->A[i * n + j];
                 for (size_t k = 0; k < j; k++) rest -= f->A[i * n + k] * L[j * n + k];
@@ -183,7 +181,7 @@ static lg_status solve(fitting *f, double *matrices) {
         for (size_t k = 0; k < j; k++) f->c[j] -= R[k * n + j] * f->c[k];
         f->c[j] /= R[j * n + j];
     }
-    LG_TRY(lg_linear_program(f->context, f->rows, n, f->A, f->b, f->c, y));
+    LG_TRY(lg_linear_program(f->context, f->points, n, f->A, f->b, f->c, y));
     for (size_t j = n; j-- > 0;) {
         for (size_t k = j + 1; k < n; k++) y[j] -= R[j * n + k] * f->coefficient[k];
         f->coefficient[j] = y[j] / R[j * n + j];
@@ -222,14 +220,14 @@ static lg_status polynomial(void *user, lg_tape *tape, const lg_var *theta, cons
 static lg_status fit(fitting *f, lg_error *error) {
     const lg_port in = {.name = "x", .shape = lg_shape1((uint32_t)f->n)}, out = {.name = "v"};
     const lg_function_spec function = {f->spec->name, &in, 1, &out, 1, polynomial, f};
-    const size_t n = f->terms, numbers = 3 * f->points * f->n + f->rows * (n + 1) + n + 3 * n * n;
+    const size_t n = f->terms, numbers = 3 * f->points * f->n + f->points * (n + 1) + n + 3 * n * n;
     LG_TRY_SCRATCH(double, memory, f->context, numbers, lg_no_memory(error));
     f->x = memory;
     f->q = f->x + f->points * f->n;
     f->dq = f->q + f->points * f->n;
     f->A = f->dq + f->points * f->n;
-    f->b = f->A + f->rows * n;
-    f->c = f->b + f->rows;
+    f->b = f->A + f->points * n;
+    f->c = f->b + f->points;
     LG_TRY(sample_points(f, error));
     fill_rows(f);
     const lg_status status = solve(f, f->c + n);
@@ -250,7 +248,6 @@ lg_status lg_lyapunov_polynomial(lg_program *program, const lg_lyapunov_spec *sp
                        "the degree must be even, 2 to %d, the points 100 to 1e6, the decay positive", DEGREE);
     LG_TRY_SCRATCH(fitting, f, program->context, 1, lg_no_memory(error));
     *f = (fitting){.context = program->context, .program = program, .spec = spec, .points = spec->points};
-    f->rows = f->points;
     LG_TRY(lg_certify_function(program, spec->rate, STATES, false, false, &f->rate, &f->n, error));
     if (spec->map != NULL)
         LG_TRY(lg_certify_function(program, spec->map, STATES, false, false, &f->map, &f->n, error));

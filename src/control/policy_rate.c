@@ -124,6 +124,20 @@ CLOSED(record_advance_by_gains, "advance_by_input", in[1])
 
 /* ---- adding them ---- */
 
+/* Fails, because of `why`, if operations of the plant's rates use the position of a coordinate. */
+static lg_status check_unused(const lg_policy *p, uint32_t coordinate, const char *why, lg_error *error) {
+    size_t field, ports;
+    LG_TRY(lg_program_find(p->program, "field", &field, error));
+    const size_t n = lg_shape_count(lg_program_inputs(p->program, field, &ports)[0].shape);
+    LG_TRY_SCRATCH(unsigned char, pattern, p->context, n *n, lg_no_memory(error));
+    LG_TRY(lg_program_sparsity(p->program, field, 0, 0, pattern, error));
+    for (size_t i = p->layout.at[coordinate].position; i < n * n; i += n)
+        if (pattern[i] != 0)
+            return lg_fail(error, LG_UNSUPPORTED, "the plant's motion depends on the position %s: %s",
+                           p->task.coordinate[coordinate].name, why);
+    return LG_OK;
+}
+
 /* A second input */
 typedef enum second { NONE, GAINS, INPUT } second;
 
@@ -140,20 +154,22 @@ static lg_status add(lg_policy *p, const char *name, uint32_t numbers, second wi
 
 static lg_status check(const lg_policy *p, lg_error *error) {
     LG_TRY(lg_policy_check_memory(p, false, error));
+    if (!lg_policy_has(p, "field"))
+        return lg_fail(error, LG_NOT_FOUND, "the plant has no function field (x, u)");
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
         if (c->motion != LG_POLICY_LINE && c->motion != LG_POLICY_ANGLE)
             return lg_fail(error, LG_UNSUPPORTED,
                            "coordinate %s is a %s; certificates are for machines of lines and angles",
                            c->name, lg_policy_motion_row_of(c->motion)->name);
+        if (is_free(p, i))
+            LG_TRY(check_unused(p, i, "it is free, but a certificate cannot leave it out", error));
     }
     if (p->state != p->layout.positions + p->layout.velocities)
         return lg_fail(error, LG_UNSUPPORTED,
                        "besides positions and velocities the plant has %u more states (bristles, or inputs "
                        "that act later than the controller knows), which a certificate does not cover",
                        p->state - p->layout.positions - p->layout.velocities);
-    if (!lg_policy_has(p, "field"))
-        return lg_fail(error, LG_NOT_FOUND, "the plant has no function field (x, u)");
     return LG_OK;
 }
 
@@ -206,26 +222,13 @@ static lg_status check_energy(const lg_policy *p, lg_error *error) {
     return LG_OK;
 }
 
-/* A line has no period, unless nothing but the controller depends on it. */
-static lg_status check_period(const lg_policy *p, lg_error *error) {
-    size_t field;
-    unsigned char pattern[4];
-    if (p->task.coordinate[0].motion == LG_POLICY_ANGLE) return LG_OK;
-    LG_TRY(lg_program_find(p->program, "field", &field, error));
-    LG_TRY(lg_program_sparsity(p->program, field, 0, 0, pattern, error));
-    if (pattern[2] == 0) return LG_OK;
-    return lg_fail(
-        error, LG_UNSUPPORTED,
-        "the force on the line %s depends on its position, and has no period: the energy is certified "
-        "for angles, and for lines without a potential",
-        p->task.coordinate[0].name);
-}
-
 lg_status lg_policy_add_slope(lg_policy *p, lg_policy_slope *out, lg_error *error) {
     lg_policy_body machine;
     LG_NEEDS(error, p, out);
     LG_TRY(check_energy(p, error));
-    LG_TRY(check_period(p, error));
+    if (p->task.coordinate[0].motion == LG_POLICY_LINE)
+        LG_TRY(
+            check_unused(p, 0, "the energy is certified for angles, and lines without a potential", error));
     LG_TRY(lg_policy_probe(p, &machine, error));
     const double damping = machine.damping[0], *task = p->task.gains,
                  kp = p->parameters > 0 ? exp(p->theta[0]) : task[0],

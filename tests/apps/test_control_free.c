@@ -54,6 +54,18 @@ TEST("a free position is no state of a proof") {
                "th is a position");
 }
 
+TEST("there is no proof where the position acts, however little") {
+    static char text[1 << 14];
+    (void)cli_read("wheel.yaml", text, sizeof text);
+    const char *at = strstr(text, "potential: "), *end = strchr(at, '\n');
+    cli_write("bent.yaml",
+              test_text("%.*spotential: [%.*s, {kind: known, form: linear, of: ph, values: [0, 3e-6]}]%s",
+                        (int)(at - text), text, (int)(end - at - 11), at + 11, end));
+    cli_write("bent_task.yaml", test_text("plant: bent.yaml%sfree: [ph]\n", strchr(TASK, '\n')));
+    cli_expect(control, "certify bent_task.yaml --box th=0.5,vth=2,vph=50", 2,
+               "depends on the position ph: it is free");
+}
+
 TEST("the name of a free position is refused where it would be an error") {
     static const struct {
         const char *more, *says;

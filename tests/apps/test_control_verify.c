@@ -111,6 +111,18 @@ TEST("a proof that succeeds in the time has its certificate, which is not limite
     assert_true(proofs > 0 && late > 0);
 }
 
+TEST("a certificate can be read whatever the names of its files are") {
+    char cut[80] = "", *const names[] = {cut, "x\xfc.yaml"}; /* 33 umlauts, cut at 63 bytes; Latin-1 */
+    for (int i = 0; i < 33; i++) memcpy(cut + 2 * i, "\xc3\xbc", 3);
+    memcpy(cut + 66, ".yaml", 6);
+    for (size_t i = 0; i < LG_COUNT(names); i++) {
+        write_task(names[i], "light.yaml", 0.01, "1.45, 0.244");
+        cli_expect(control, test_text("certify %s --box th=1.5,w=12 --certificate named.json", names[i]), 0,
+                   "Proved");
+        cli_expect(control, test_text("verify named.json %s", names[i]), 0, "Proved");
+    }
+}
+
 TEST("there is a certificate only of what is proved, with a quadratic V") {
     cli_expect(control, "certify task.yaml --box th=1.5,w=12 --held --level 3 --certificate none.json", 1,
                "not proved");
@@ -119,6 +131,13 @@ TEST("there is a certificate only of what is proved, with a quadratic V") {
                "quadratic V");
     cli_expect(control, "certify task.yaml --box th=1.5,w=12 --certificate open.json", 0, "Proved");
     cli_expect(control, "verify open.json task.yaml", 0, "Proved");
+    /* Continuous inputs have no period: what the task does is said. */
+    cli_expect(control, "certify task.yaml --box th=1.5,w=12 --continuous --certificate open.json", 0, "");
+    cli_expect(control, "verify open.json", 0, "continuous inputs");
+    assert_true(strstr(result.out, "the controller holds them") == NULL);
+    cli_expect(control, "verify open.json other_period.yaml --json", 0, "\"same_period\": false");
+    assert_says(result.out,
+                "It is about inputs that follow the state at all times; the controller holds them for 0.02.");
     cli_expect(control, "certify task.yaml --box th=1.5,w=12 --held --certificate task.yaml", 2, "task.yaml");
     cli_expect(control, "certify task.yaml --box th=1.5,w=12 --held --certificate light.yaml", 2,
                "is an input");

@@ -191,6 +191,69 @@ TEST("rotations: matrices, gains and limits that do not fit are refused; so are 
     lg_certify_rotation_spec_init(NULL);
 }
 
+/* The feedback of a policy about one axis: a'' = -k sin a/sqrt((1 + cos a)/2 + 1e-6) - d a', J = k = 1 */
+static double turning_rate(double a, double w) {
+    return -sin(a) / sqrt(0.5 + 0.5 * cos(a) + 1e-6) - 2 * w;
+}
+
+/* Whether the motion goes to the goal; it may also pass the angle pi. */
+static bool returns(double a, double w) {
+    const double h = 1e-3;
+    for (int i = 0; i < 100000 && a < 3.2 && fabs(a) + fabs(w) > 0.1; i++) {
+        const double wm = w + 0.5 * h * turning_rate(a, w), am = a + 0.5 * h * w; /* the midpoint rule */
+        a += h * wm;
+        w += h * turning_rate(am, wm);
+    }
+    return fabs(a) + fabs(w) <= 0.1;
+}
+
+TEST(
+    "rotations: the potential is the work of the feedback up to the angle pi, and motions from the set go to "
+    "the goal") {
+    enum { N = 100000 };
+    lg_certify_rotation_spec s = rotation_spec();
+    lg_certify_rotation_result r;
+    double work = 0;
+    s.damping = s.gains[1] = 2, s.gains[0] = 1, s.limit[0] = 20, s.map[0] = 1;
+    assert_ok(lg_certify_rotation(&s, &r, NULL));
+    print_message("%s\n", r.claim);
+    for (int i = 0; i < N; i++) work -= turning_rate(3.141592653589793 * (i + 0.5) / N, 0);
+    assert_close(r.critical, work * 3.141592653589793 / N, 1e-6, 0);
+    assert_true(r.verified && r.level < r.critical && r.level > 0.999 * r.critical && r.angle > 3.1415);
+    /* w^2/2 = level - the potential at a */
+    for (double from_pi = 1e-4; from_pi < 3; from_pi *= 2) {
+        const double a = 3.141592653589793 - from_pi, c = cos(0.5 * a);
+        const double rest = r.level - 4 * (sqrt(1 + 1e-6) - sqrt(c * c + 1e-6));
+        assert_true(returns(a, sqrt(2 * rest)) && returns(a, -sqrt(2 * rest)));
+    }
+    assert_true(returns(r.angle, 0) && !returns(3.141592653589793 - 0.006, 0.14));
+}
+
+TEST("sentences do not say more than what is proved") {
+    double x;
+    lg_certify_rotation_spec s = rotation_spec();
+    lg_certify_rotation_result r;
+    s.gains[0] = 1, s.map[0] = 1;
+    for (int i = 0; i < 50; i++) {
+        s.limit[0] = 0.1 + 0.01 * i;
+        assert_ok(lg_certify_rotation(&s, &r, NULL));
+        assert_int_equal(sscanf(strstr(r.claim, "c = "), "c = %lf", &x), 1);
+        assert_true(x <= r.level && x > r.level * (1 - 1e-5));
+        assert_int_equal(sscanf(strstr(r.claim, "rest up to "), "rest up to %lf", &x), 1);
+        assert_true(x <= r.angle && x > r.angle * (1 - 1e-5));
+        const double A[9] = {s.limit[0] / 3, 0, 0, 0, 1, 0, 0, 0, 1};
+        lg_certify_attitude_result t;
+        assert_ok(lg_certify_attitude(A, 1, &t, NULL));
+        assert_int_equal(sscanf(strstr(t.claim, "c = "), "c = %lf", &x), 1);
+        assert_true(x <= t.level && x > t.level * (1 - 1e-5));
+        const lg_certify_energy_result e = prove_pendulum((pendulum){0.15, 6 + s.limit[0] / 3, 3});
+        assert_int_equal(sscanf(strstr(e.claim, "by at least "), "by at least %lf", &x), 1);
+        assert_true(x <= e.margin && x > e.margin * (1 - 1e-5));
+        assert_int_equal(sscanf(strstr(e.claim, "|q| >= "), "|q| >= %lf", &x), 1);
+        assert_true(x >= (6 + s.limit[0] / 3) / 3);
+    }
+}
+
 /* ---- attitude ---- */
 
 /* Phi at the rotation by pi about axis k: tr(A (1 - Q)) with Q = 2 e e^T - 1 */

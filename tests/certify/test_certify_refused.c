@@ -4,6 +4,8 @@
 
 #include "certify/certify.h"
 
+#include <fenv.h>
+
 #include "liegrad/networks.h"
 #include "support/fail_alloc.h"
 
@@ -384,6 +386,56 @@ static lg_status create_and_run(const lg_context *context, const lg_certify_spec
     if (status == LG_OK) status = lg_certify_run(certify, 3000, 20, &result, NULL);
     lg_certify_destroy(certify);
     return status;
+}
+
+/* A saddle: V = x^2 + y^2 rises where x y > 0. */
+RECORDING(saddle) {
+    const lg_var parts[2] = {column(tape, x[0], 1), column(tape, x[0], 0)};
+    y[0] = lg_concat(tape, parts, 2, 1);
+}
+
+RECORDING(round_bowl) {
+    y[0] = lg_rowdot(tape, x[0], x[0]);
+}
+
+TEST("after an allocation that fails nothing is proved, whatever is run later") {
+    lg_fail_alloc memory;
+    lg_context *context = lg_fail_alloc_context(&memory);
+    lg_certify_spec spec = spec_for(loop_program(2, saddle, round_bowl, NULL), NULL, low, high);
+    spec.lyapunov = "v", spec.level = 0.9, spec.eps = 0.1;
+    size_t failed = 0;
+    for (long n = 1; n < 20; n++) {
+        lg_certify *certify;
+        lg_certify_result result = {.verified = true};
+        lg_fail_alloc_arm(&memory, 0);
+        assert_ok(lg_certify_create(context, &spec, &certify, NULL));
+        lg_fail_alloc_arm(&memory, n);
+        const lg_status status = lg_certify_run(certify, SIZE_MAX, 20, &result, NULL);
+        if (status != LG_OK) {
+            assert_int_equal(status, LG_OUT_OF_MEMORY);
+            assert_ok(lg_certify_run(certify, SIZE_MAX, 20, &result, NULL));
+            assert_says(result.reason, "no memory");
+            failed++;
+        }
+        assert_true(result.finished && !result.verified && strncmp(result.claim, "Not proved", 10) == 0);
+        lg_certify_destroy(certify);
+    }
+    assert_true(failed >= 2);
+    lg_context_destroy(context);
+}
+
+TEST("a proof needs the rounding to nearest") {
+    const lg_certify_spec spec = spec_for(loop_program(2, damped, NULL, NULL), P, low, high);
+    lg_certify *certify = test_certify(&spec), *none;
+    lg_certify_result result;
+    assert_int_equal(fesetround(FE_UPWARD), 0);
+    const lg_status run = lg_certify_run(certify, 1, 10, &result, NULL),
+                    create = lg_certify_create(NULL, &spec, &none, NULL);
+    (void)fesetround(FE_TONEAREST);
+    assert_int_equal(run, LG_UNSUPPORTED);
+    assert_int_equal(create, LG_UNSUPPORTED);
+    assert_ok(lg_certify_run(certify, SIZE_MAX, 20, &result, NULL));
+    assert_true(result.verified);
 }
 
 TEST("an allocation that fails is reported, and nothing leaks") {

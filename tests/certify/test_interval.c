@@ -6,6 +6,8 @@
 
 #include "liegrad/ops.h"
 
+#include <fenv.h>
+
 TEST("bounds contain the exact values of every operation, with every instruction set") {
     assert_true(check_bounds(3, 37) >= 1000000);
 }
@@ -108,6 +110,35 @@ TEST("a function and its Jacobian are evaluated together, and bound the function
     assert_true(l[3] <= slope && slope <= h[3] && h[3] - l[3] < 1e-14);
     assert_true(l[4] == 0.0 && h[4] == 0.0); /* rows of other elements */
     assert_true(l[7] < (cos(0.5) - sin(0.5)) * exp(-0.5) && h[7] > (cos(-1) - sin(-1)) * exp(1));
+}
+
+RECORDING(slope_of_power) {
+    const lg_var power = lg_pow(tape, x[0], *(const double *)user);
+    (void)lg_grad(tape, lg_sum(tape, power), x, 1, y);
+}
+
+/* c - 1 is no double for these c, but it is a long double. */
+TEST("the derivative of a power whose exponent less 1 is no double contains its slopes") {
+    static const double exponents[] = {1.0 / 3, 0.1, -0.1, -1.0 / 3, -5.7, 1e-3, 0.3};
+    for (size_t i = 0; i < LG_COUNT(exponents); i++) {
+        const long double c = exponents[i];
+        const lg_port in = {.name = "x", .shape = lg_shape1(3)}, out = {.name = "y"};
+        const lg_function_spec of = {"f", &in, 1, &out, 1, slope_of_power, (void *)(uintptr_t)&exponents[i]};
+        const lg_program_spec spec = spec_of(NULL, 0, &of, 1);
+        const lg_program *program = test_program(&spec);
+        const size_t zero = 0;
+        lg_interval *f = test_interval(program, &zero, 1);
+        void *work = lg_test_memory(lg_interval_work_size(f));
+        for (int k = -150; k <= 150; k++) {
+            const double x[3] = {pow(2, k / 3.0), pow(2, k), pow(7, k / 8.0)};
+            double l[3], h[3];
+            assert_ok(lg_interval_eval(f, 1, x, x, l, h, NULL, work, NULL));
+            for (int j = 0; j < 3; j++)
+                if (!is_within(l[j], h[j], c * powl(x[j], c - 1)) || h[j] - l[j] > 1e-13 * fabs(h[j]))
+                    fail_msg("%g x^(%g - 1) at %g: [%.17g, %.17g]", exponents[i], exponents[i], x[j], l[j],
+                             h[j]);
+        }
+    }
 }
 
 /* ---- flags ---- */
@@ -314,6 +345,25 @@ TEST("boxes that are empty or not finite are refused, and outputs stay") {
     assert_int_equal(lg_interval_eval(f, 2, good, none, l, h, NULL, work, &error), LG_NOT_FINITE);
     assert_int_equal(lg_interval_eval(f, 2, good, far, l, h, NULL, work, &error), LG_NOT_FINITE);
     assert_true(l[0] == 7 && h[0] == 7);
+}
+
+TEST("bounds and proofs need the rounding to nearest") {
+    static const int modes[] = {FE_UPWARD, FE_DOWNWARD, FE_TOWARDZERO};
+    const size_t zero = 0;
+    lg_program *program = program_of(square);
+    lg_interval *f = test_interval(program, &zero, 1), *none = NULL;
+    double l[3] = {7}, h[3], bound[3];
+    const double x[3] = {0.1, 0.2, 0.3};
+    void *work = lg_test_memory(lg_interval_work_size(f));
+    for (size_t i = 0; i < LG_COUNT(modes); i++) {
+        assert_int_equal(fesetround(modes[i]), 0);
+        const lg_status status[] = {lg_interval_eval(f, 1, x, x, l, h, NULL, work, NULL),
+                                    lg_interval_create(program, &zero, 1, NULL, &none, NULL),
+                                    lg_interval_rounding(program, 0, x, x, 0x1p-53, bound, NULL)};
+        (void)fesetround(FE_TONEAREST);
+        for (size_t k = 0; k < LG_COUNT(status); k++) assert_int_equal(status[k], LG_UNSUPPORTED);
+        assert_true(l[0] == 7);
+    }
 }
 
 TEST("inputs and outputs in parts give the same bounds; a box with a number that has no bounds is reported") {

@@ -68,6 +68,18 @@ TEST("errors are tangent coordinates at the goal, and have the length 2 sin(a/2)
     }
 }
 
+/* r(x) = sqrt(x^2 + 1e-6): the potential 4 k (r(1) - r(cos(a/2))) of lg_certify_rotation has this slope. */
+TEST("the error of a rotation is 2 sin(a/2) cos(a/2)/r(cos(a/2)), as the certificate of its energy says") {
+    const lg_policy_task task = body_task(LG_POLICY_ENERGY);
+    for (double from_pi = 3.1; from_pi > 1e-7; from_pi *= 0.3) {
+        const double half = 0.5 * (3.141592653589793 - from_pi), c = cos(half);
+        const double z[6] = {2 * half};
+        double e[6];
+        errors_of(&task, z, e);
+        assert_close(e[0], 2 * sin(half) * c / sqrt(c * c + 1e-6), 1e-9, 1e-9);
+    }
+}
+
 TEST("positions from a quaternion are those of its rotation, and control is the policy at these positions") {
     const lg_policy_task task = body_task(LG_POLICY_NETWORK);
     const lg_policy *policy = make(&task, body);

@@ -390,7 +390,7 @@ TEST("the energy is certified with the numbers of the plant, and a plant that th
     } rows[] = {
         {{.inputs = 1, .damping = 0.5}, LG_POLICY_LINE, NULL},
         {{.inputs = 1, .damping = 0.5}, LG_POLICY_ANGLE, NULL},
-        {{.inputs = 1, .damping = 0.5, .stiffness = 1}, LG_POLICY_LINE, "depends on its position"},
+        {{.inputs = 1, .damping = 0.5, .stiffness = 1}, LG_POLICY_LINE, "depends on the position"},
         {{.inputs = 1, .damping = 0.5, .mass = 1}, LG_POLICY_ANGLE, "the mass of q is not constant"},
         {{.inputs = 1, .damping = 0.5, .bend = 0.1}, LG_POLICY_ANGLE, "is not a constant times the input"},
         {{.inputs = 1, .damping = 0.5, .square = 0.1}, LG_POLICY_ANGLE, "the damping of q is not linear"},

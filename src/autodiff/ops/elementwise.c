@@ -206,11 +206,14 @@ static lg_status pow_forward(lg_evaluation *e) {
         e->k->unary[LG_K_POW](e->count, e->attr->c, e->x[0], e->y);
     return LG_OK;
 }
-/* c x^(c-1) g: exact zeros for c = 0, and no call of pow for c = 1 and c = 2. */
+/* c x^(c-1) g: exact zeros for c = 0, and no call of pow for c = 1 and c = 2. c - 1 is rounded to a, so that
+ * x^(c-1) = x^a x^rest. */
 static lg_var pow_times(lg_tape *t, lg_var x, double c, lg_var g) {
+    const double a = c - 1.0, one = c - a, rest = (c - (a + one)) - (1.0 - one);
     if (c == 0.0) return lg_scale(t, g, 0.0);
     if (c == 1.0) return g;
-    return lg_scale(t, lg_mul(t, g, c == 2.0 ? x : lg_pow(t, x, c - 1.0)), c);
+    if (rest != 0.0) g = lg_mul(t, g, lg_pow(t, x, rest));
+    return lg_scale(t, lg_mul(t, g, c == 2.0 ? x : lg_pow(t, x, a)), c);
 }
 static void pow_vjp(lg_reverse *r) {
     if (r->need[0]) r->out[0] = pow_times(r->tape, r->in[0], r->attr->c, r->g);

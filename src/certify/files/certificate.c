@@ -116,10 +116,12 @@ static void hash(const void *data, size_t bytes, char out[LG_SHA256_TEXT]) {
 /* ---- writing: `member` of f ---- */
 
 static void add_text(lg_text *to, const char *text) {
+    char own[LG_FIELD_TEXT_SIZE]; /* a name may end inside of a character */
+    (void)snprintf(own, sizeof own, "%s", text);
     lg_text_append(to, "\"", 1);
-    for (const char *c = text; *c != '\0'; c++) {
+    for (const char *c = lg_tamed(own); *c != '\0'; c++) {
         if (*c == '"' || *c == '\\') lg_text_append(to, "\\", 1);
-        lg_text_append(to, (unsigned char)*c < ' ' || *c == 0x7f ? "?" : c, 1);
+        lg_text_append(to, c, 1);
     }
     lg_text_append(to, "\"", 1);
 }
