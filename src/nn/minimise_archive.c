@@ -104,7 +104,7 @@ static lg_status check(const lg_minimiser *m, const double *memory, const double
              (c->stage == LG_STAGE_DONE) == (c->end != LG_MINIMISE_RUNNING),
          "minimise/counts has an unknown stage or end"},
         {c->trials < 1000 && c->iterations <= c->evaluations && c->reference <= c->iterations &&
-             c->pairs <= c->iterations,
+             c->pairs <= c->evaluations,
          "minimise/counts does not fit together"},
         {c->stage != LG_STAGE_HESSIAN || (lg_minimise_newton_fits(m) && c->trials <= 2 * m->n),
          "minimise/counts has more points of a Hessian than the method uses"},

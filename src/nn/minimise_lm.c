@@ -11,7 +11,8 @@
 enum { MOST_REFUSALS = 40 };
 static const double FIRST_DAMPING = 1e-3, LEAST_GAIN = 1e-4, FASTEST_FALL = 0.1, ROUNDING = 1e-16,
                     LEAST_DAMPING = 1e-20, LEFT = 1e-8, LEAST_INFLUENCE = 1e-3, FORGET = 0.5,
-                    LAST_RISE = 1e-14, NEAR = 0.1, BAD_GAIN = 0.25, GOOD_GAIN = 0.9, GROWTH = 1.5;
+                    LAST_RISE = 1e-14, NEGLIGIBLE = 1e-14, NEAR = 0.1, BAD_GAIN = 0.25, GOOD_GAIN = 0.9,
+                    GROWTH = 1.5;
 
 /* ---- memory: rows of p numbers, padded to the stride ---- */
 
@@ -58,7 +59,7 @@ static arrow arrow_of(const lg_minimiser *m) {
  * little influence relative to |x_i|. */
 static double scale_of(const lg_minimiser *m, const arrow *a, size_t i) {
     const double least = LEAST_INFLUENCE * m->numbers.value / m->x[i] / m->x[i];
-    return m->squares != NULL && m->x[i] != 0.0 ? fmax(a->D[i], least) : a->D[i];
+    return m->squares != NULL && fabs(m->x[i]) > NEGLIGIBLE ? fmax(a->D[i], least) : a->D[i];
 }
 
 /* The number mu D_i that is added to element i of the diagonal. It is 1 if D_i is 0, so that a variable
@@ -283,7 +284,7 @@ static void begin_damped(lg_minimiser *m) {
     m->numbers.growth = 2.0;
     m->numbers.high_value = 0.0;
     m->numbers.radius = length_of(m, m->x);
-    if (!(m->numbers.radius > 0.0)) m->numbers.radius = INFINITY;
+    if (!(m->numbers.radius > NEGLIGIBLE * sqrt(m->numbers.value))) m->numbers.radius = INFINITY;
     propose(m);
 }
 
@@ -360,13 +361,11 @@ bool lg_minimiser_tell_squares(lg_minimiser *m, double value, const double *grad
         lg_minimise_newton_tell(m, gradient);
         return false;
     }
-    if (!finite) {
-        lg_minimise_finish(m, LG_MINIMISE_NOT_FINITE);
-        return false;
-    }
     take(m, value, gradient, matrix);
     m->numbers.reference_value = m->numbers.start_value = value;
-    if (lg_minimise_flat(m))
+    if (!finite)
+        lg_minimise_finish(m, LG_MINIMISE_NOT_FINITE);
+    else if (lg_minimise_flat(m))
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
     else
         begin_damped(m);
