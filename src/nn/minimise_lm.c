@@ -146,7 +146,7 @@ static bool solve(lg_minimiser *m) {
     const int order = (int)a.p, leading = (int)a.stride, one = 1, rest = (int)a.rest;
     static const double minus = -1.0, plus = 1.0;
     int info = 0;
-    for (size_t i = 0; i < m->n; i++) m->d[i] = -m->g[i];
+    m->k->unary[LG_K_SCALE](m->n, -1.0, m->g, m->d);
     memcpy(a.schur, a.P, a.p * a.stride * sizeof *a.schur);
     for (size_t i = 0; i < a.p; i++) a.schur[i * a.stride + i] += damping_of(m, &a, i);
     for (size_t b = 0; b < a.blocks; b++)
@@ -228,7 +228,7 @@ static void refuse(lg_minimiser *m) {
 
 /* x is a minimum to the rounding of f. One more step, without damping, gives more correct digits of x. */
 static void begin_last(lg_minimiser *m) {
-    for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->d[i];
+    lg_minimise_set_point(m, 1.0, m->d);
     m->counts.stage = LG_STAGE_SEARCH;
     m->last = true;
 }
@@ -239,7 +239,7 @@ static void begin_last(lg_minimiser *m) {
 static void propose(lg_minimiser *m) {
     for (; m->counts.failures < MOST_REFUSALS; refuse(m)) {
         if (!(m->squares != NULL ? solve_within(m) : solve(m))) continue;
-        for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->d[i];
+        lg_minimise_set_point(m, 1.0, m->d);
         m->counts.stage = LG_STAGE_SEARCH;
         m->numbers.slope = m->k->dot(m->n, m->g, m->d);
         const bool moves = memcmp(m->point, m->x, m->n * sizeof *m->x) != 0;
@@ -302,8 +302,7 @@ static bool tell_newton(lg_minimiser *m, double value, const double *gradient, c
     const double slope = finite ? m->k->dot(m->n, gradient, m->d) : NAN, before = m->numbers.value;
     const lg_search_verdict verdict = lg_minimise_search_tell(m, finite ? value : INFINITY, slope);
     const bool shown = lg_minimise_newton_shows(m);
-    if (verdict == LG_SEARCH_ON)
-        for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->numbers.alpha * m->d[i];
+    if (verdict == LG_SEARCH_ON) lg_minimise_set_point(m, m->numbers.alpha, m->d);
     if (verdict == LG_SEARCH_FAIL) lg_minimise_finish(m, shown ? LG_MINIMISE_ROUNDING : LG_MINIMISE_STUCK);
     if (verdict != LG_SEARCH_ACCEPT) return false;
     take(m, value, gradient, matrix);

@@ -195,7 +195,7 @@ static lg_status call_residuals(const given_residuals *given, const double *poin
 static void complete_residual_units(lg_minimiser *m, const given_residuals *given) {
     const size_t n = given->n, numbers = given->m * n;
     double *slope = given->gradient;
-    for (size_t j = 0; j < n; j++) slope[j] = 0.0;
+    given->k->fill(n, 0.0, slope);
     for (size_t i = 0; i < numbers; i++) given->jacobian[i] /= given->unit[i % n];
     for (size_t i = 0; i < numbers; i++) slope[i % n] = hypot(slope[i % n], given->jacobian[i]);
     units_of_zeros(m, given->x, sqrt(given->k->dot(given->m, given->r, given->r)), slope, given->unit);
