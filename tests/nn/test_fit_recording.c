@@ -102,7 +102,8 @@ static lg_status changing_loss(void *user, lg_tape *tape, lg_var theta, const ui
     if (c->change == OPERATION && odd) *loss = lg_scale(tape, *loss, 2.0);
     if (c->change == JACOBIAN) {
         const lg_var two = lg_slice(tape, theta, 0, 0, 2), wave = lg_sin(tape, two);
-        const lg_var off = lg_add_scalar(tape, lg_jacobian(tape, wave, two), -0.5);
+        const lg_var aim = lg_input_f64(tape, lg_shape2(2, 2), (const double[4]){0.5, 2.0, -1.0, 0.3});
+        const lg_var off = lg_sub(tape, lg_jacobian(tape, wave, two), aim);
         const double part = (double)count / (double)batch;
         *loss = lg_add(tape, *loss, lg_scale(tape, lg_sum(tape, lg_square(tape, off)), part));
     }
