@@ -96,6 +96,12 @@ static void add_cell(void *user, size_t row, size_t column, const double *values
 static lg_status keep_ranges(void *user, const lg_ensemble_block *of) {
     study *all = user;
     visit_cells(all, &all->gatherers[of->thread], of, set_range, all->total->states);
+    for (size_t e = 0; e < of->event_count; e++) {
+        lg_statistics *times = all->total->times;
+        const double *values = of->events + e * of->room;
+        const double centre = lg_statistics_range_of(times, e, values, of->members).centre;
+        lg_statistics_set_range(times, 0, e, &(lg_statistics_range){0.0, all->sim->t_end, centre});
+    }
     return LG_OK;
 }
 
@@ -287,8 +293,6 @@ static lg_status run_pilot(study *all, lg_error *error) {
     if (status != LG_OK)
         return lg_fail(error, status, "the statistics of %zu points could not be created",
                        (size_t)total->points);
-    for (size_t e = 0; e < total->events; e++)
-        lg_statistics_set_range(total->times, 0, e, &(lg_statistics_range){0.0, all->sim->t_end, 0.0});
     pilot.first = 0;
     pilot.members = total->total < PILOT ? total->total : PILOT;
     pilot.block = PILOT;

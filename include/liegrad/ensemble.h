@@ -171,7 +171,8 @@ typedef struct lg_statistics_cell {
 } lg_statistics_cell;
 
 /* Returns the results of a cell. Mean, least and largest are NaN without a number, the deviation with
- * fewer than two. */
+ * fewer than two. Mean and deviation are also NaN if the sums of (x - centre) or of its squares might
+ * overflow. */
 LG_API lg_statistics_cell lg_statistics_of(const lg_statistics *statistics, size_t row, size_t column);
 /* Returns the quantile of 0 <= p <= 1, interpolated in the bins: exact to `resolution`, unless the
  * quantile lies outside the range. NaN without a number, or for another p. */

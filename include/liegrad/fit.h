@@ -128,7 +128,7 @@ typedef struct lg_fit_problem {
      * pieces keep the values in the processor's cache. 0: LG_FIT_CHUNK. */
     size_t chunk;
     /* True: `loss` usually records the same operations for the same number of samples, and only the values
-     * of inputs (lg_input, lg_input_buffer) differ. lg_fit then makes a plan (liegrad/program.h) of the
+     * of leaves (lg_input, lg_parameter) differ. lg_fit then makes a plan (liegrad/program.h) of the
      * loss and its gradient. In fits of machines a plan is faster than the tape for every width of the
      * layers. A plan of convolutions or of Lie group maps is slower than the tape (docs/reports/speed.md).
      * Results of a plan differ from results of the tape by rounding. lg_fit_create records the loss once. If

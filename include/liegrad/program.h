@@ -96,7 +96,8 @@ LG_API size_t lg_program_calls(const lg_program *program, size_t function, size_
 typedef struct lg_parameter_spec {
     const char *name; /* a C identifier, unique in the program */
     lg_shape shape;
-    const double *values; /* copied; NULL: zeros, which lg_program_fit replaces */
+    /* Copied; NULL: zeros. lg_program_fit starts there, so a function with sqrt needs other values. */
+    const double *values;
 } lg_parameter_spec;
 
 typedef struct lg_program_spec {

@@ -85,6 +85,12 @@ void lg_log_message(const lg_context *context, lg_log_level level, const char *f
 /* Fills `error` (may be NULL) and returns `status`, so that a function can fail in one statement. */
 lg_status lg_fail(lg_error *error, lg_status status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+/* The same with the sentence of the first of `count` rules that does not hold; LG_OK if all hold. */
+typedef struct lg_rule {
+    bool good;
+    const char *sentence;
+} lg_rule;
+lg_status lg_check_rules(const lg_rule *rules, size_t count, lg_status status, lg_error *error);
 static inline lg_status lg_no_memory(lg_error *error) {
     return lg_fail(error, LG_OUT_OF_MEMORY, "%s", lg_status_sentence(LG_OUT_OF_MEMORY));
 }

@@ -32,3 +32,9 @@ lg_status lg_fail(lg_error *error, lg_status status, const char *format, ...) {
     }
     return status;
 }
+
+lg_status lg_check_rules(const lg_rule *rules, size_t count, lg_status status, lg_error *error) {
+    for (size_t i = 0; i < count; i++)
+        if (!rules[i].good) return lg_fail(error, status, "%s", rules[i].sentence);
+    return LG_OK;
+}

@@ -187,10 +187,6 @@ lg_status lg_stepper_dense(const lg_stepper *stepper, double s, double *y) {
     return LG_OK;
 }
 
-const double *lg_stepper_error(const lg_stepper *stepper) {
-    return stepper->scheme->embedded_order > 0 ? stepper->error : NULL;
-}
-
 double lg_stepper_angle(const lg_stepper *stepper) {
     return stepper->angle;
 }

@@ -64,7 +64,7 @@ struct lg_stepper {
     double difference[LG_SCHEME_MAX_STAGES]; /* RKMK: b - embedded */
     double *point;                           /* stage points: (stages, dim) if commutator-free, else (dim) */
     double *y_next; /* dim; FSAL: this is memo[1].y, as memo[1] keeps the first value of the next step */
-    double *error;  /* dim */
+    double *error;  /* dim: estimated error of the last step, an ambient vector */
     double *run[2]; /* dim each: the current and the next state of an integration */
     lg_tolerance tolerance;
     lg_newton newton;
@@ -110,10 +110,5 @@ bool lg_slgi_fits(const lg_space *space);
 
 bool lg_all_finite(size_t n, const double *x);
 bool lg_step_controller_valid(const lg_step_controller *control);
-
-/* The estimated local error of the last step as an ambient vector (dim numbers); NULL when the scheme has no
- * embedded solution. RKMK: h sum (b_i - embedded_i) k_i, mapped by the generator at y_next. Commutator-free
- * schemes: the difference of the two solutions. */
-const double *lg_stepper_error(const lg_stepper *stepper);
 
 #endif

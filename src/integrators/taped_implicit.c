@@ -5,7 +5,6 @@
 
 #include <math.h>
 
-#include "autodiff/ops/lie.h"
 #include "liegrad/ops.h"
 
 typedef struct problem {

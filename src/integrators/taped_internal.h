@@ -2,6 +2,7 @@
 #ifndef LG_TAPED_INTERNAL_H
 #define LG_TAPED_INTERNAL_H
 
+#include "autodiff/ops/lie.h"
 #include "core/core.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
@@ -45,9 +46,6 @@ lg_status lg_taped_bracket(lg_tape *tape, const lg_space *space, const lg_var *a
 
 /* out = the projection of y onto the manifold, as lg_space_project computes it; both are arrays of parts. */
 lg_status lg_taped_project(lg_tape *tape, const lg_space *manifold, const lg_var *y, lg_var *out);
-
-/* Returns from + weight * by. */
-lg_var lg_taped_moved(lg_tape *tape, lg_var from, double weight, lg_var by);
 
 /* Inverts the matrix a (n, n) in place, by Gauss-Jordan elimination with row pivoting. `swaps` is scratch of
  * n numbers. Returns the sign of the determinant: 0 if a is singular. */

@@ -6,7 +6,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "autodiff/ops/lie.h"
 #include "autodiff/tape/tape_internal.h"
 #include "integrators/series.h"
 #include "liegrad/ops.h"
@@ -30,12 +29,6 @@ static lg_var beside_columns(lg_tape *tape, lg_var u) {
     const lg_shape s = lg_var_shape(tape, u);
     lg_var one = lg_reshape(tape, u, lg_shape4(s.dims[0], s.dims[1], 1, 3));
     return lg_broadcast_to(tape, one, lg_shape4(s.dims[0], s.dims[1], 3, 3));
-}
-
-lg_var lg_taped_moved(lg_tape *tape, lg_var from, double weight, lg_var by) {
-    lg_var terms[2] = {from, by};
-    const double c[2] = {1.0, weight};
-    return lg_linear_combination(tape, terms, c, 2);
 }
 
 /* ---- actions: exp(a) . y ---- */

@@ -172,10 +172,12 @@ lg_statistics_cell lg_statistics_of(const lg_statistics *s, size_t row, size_t c
     lg_statistics_cell out = {at->count, NAN, NAN, NAN, NAN, width};
     if (at->count == 0) return out;
     const double sum = lg_exact_value(&at->sum), square = lg_exact_value(&at->square);
-    out.mean = at->range.centre + sum / n;
+    const double far = fmax(at->largest - at->range.centre, at->range.centre - at->least);
+    if (isfinite(n * far)) out.mean = at->range.centre + sum / n;
     out.least = at->least;
     out.largest = at->largest;
-    if (at->count > 1) out.deviation = sqrt(fmax(square - sum * (sum / n), 0.0) / (n - 1.0));
+    if (at->count > 1 && isfinite(n * far * far))
+        out.deviation = sqrt(fmax(square - sum * (sum / n), 0.0) / (n - 1.0));
     return out;
 }
 

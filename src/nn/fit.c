@@ -80,10 +80,7 @@ static lg_status check_problem(const lg_fit_problem *problem, lg_error *error) {
 
 static lg_status check_options(const lg_fit_problem *problem, const lg_fit_options *o, lg_error *error) {
     const lg_schedule *s = &o->schedule;
-    const struct {
-        bool good;
-        const char *rule;
-    } rules[] = {
+    const lg_rule rules[] = {
         {o->dtype == LG_F64 || o->dtype == LG_F32, "dtype must be LG_F64 or LG_F32"},
         {o->epochs >= 1 && o->epochs <= UINT32_MAX, "epochs must be 1 to 2^32 - 1"},
         {o->shards <= 1024, "shards must be 0 to 1024"},
@@ -107,7 +104,8 @@ static lg_status check_options(const lg_fit_problem *problem, const lg_fit_optio
          "validation must be 0 because the problem already has a validation part"},
     };
     for (size_t i = 0; i < LG_COUNT(rules); i++)
-        if (!rules[i].good) return lg_fail(error, LG_INVALID_ARGUMENT, "training options: %s", rules[i].rule);
+        if (!rules[i].good)
+            return lg_fail(error, LG_INVALID_ARGUMENT, "training options: %s", rules[i].sentence);
     return lg_fit_check_plan(problem, o, error);
 }
 

@@ -181,10 +181,7 @@ static lg_status check_scalars(const lg_fit *fit, const lg_fit_state *s, uint64_
     if (!(s->phase < (phases > 0 ? phases : 1) && s->phase_start <= s->epoch && s->adam_epochs <= s->epoch))
         return lg_fail(error, LG_FORMAT, "train/phase does not fit the plan of methods");
     const bool cut = lg_fit_method_batches(lg_fit_method_of(fit, s->phase));
-    const struct {
-        bool good;
-        const char *rule;
-    } rules[] = {
+    const lg_rule rules[] = {
         {s->epoch <= fit->options.epochs, "train/epoch is larger than the planned epochs"},
         {s->position <= fit->training, "train/position is larger than the training part"},
         {s->position % fit->batch == 0 || s->position == fit->training,
@@ -201,8 +198,7 @@ static lg_status check_scalars(const lg_fit *fit, const lg_fit_state *s, uint64_
         {isfinite(s->lost_seconds) && s->lost_seconds >= 0.0,
          "train/restart_seconds is negative or not finite"},
     };
-    for (size_t i = 0; i < LG_COUNT(rules); i++)
-        if (!rules[i].good) return lg_fail(error, LG_FORMAT, "%s", rules[i].rule);
+    LG_TRY(lg_check_rules(rules, LG_COUNT(rules), LG_FORMAT, error));
     if (s->step != s->adam_epochs * batches + lg_fit_batches(fit, s->position))
         return lg_fail(error, LG_FORMAT,
                        "optimizer/adam/step is %" PRIu64 ", which does not fit train/epoch and "
@@ -242,10 +238,7 @@ static lg_status check_arrays(const lg_fit *fit, const lg_fit_state *s, lg_error
     const size_t n = fit->problem.parameters, epochs = (size_t)s->epoch;
     const lg_kernels *real = lg_kernels_for(LG_F64);
     const bool validated = fit->training < fit->problem.samples;
-    const struct {
-        bool good;
-        const char *rule;
-    } rules[] = {
+    const lg_rule rules[] = {
         {fit->k->all_finite(n, s->theta), "optimizer/parameters is not finite"},
         {fit->k->all_finite(n, s->m), "optimizer/adam/m is not finite"},
         {fit->k->all_finite(n, s->v) && all_not_negative(fit, s->v),
@@ -256,8 +249,7 @@ static lg_status check_arrays(const lg_fit *fit, const lg_fit_state *s, lg_error
         {!validated || real->all_finite(epochs, s->history[LG_FIT_VALIDATION]),
          "train/history/validation is not finite"},
     };
-    for (size_t i = 0; i < LG_COUNT(rules); i++)
-        if (!rules[i].good) return lg_fail(error, LG_FORMAT, "%s", rules[i].rule);
+    LG_TRY(lg_check_rules(rules, LG_COUNT(rules), LG_FORMAT, error));
     return check_permutation(fit, s->order, error);
 }
 

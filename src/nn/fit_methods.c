@@ -208,13 +208,11 @@ static bool takes_squares(const lg_fit *fit) {
 /* Loss and gradient of all training samples, and for sums of squares the Gauss-Newton matrix, with weight
  * decay and prior. Only at the first evaluation is a loss that is not finite a failure; later *value is NaN,
  * and the search shortens its step. */
-static lg_status full_loss(lg_fit *fit, double *value, lg_error *error) {
-    char what[64];
+static lg_status full_loss(lg_fit *fit, const char *what, double *value, lg_error *error) {
     const double *theta = fit->point;
     const size_t n = fit->problem.parameters;
     const double decay = fit->options.adam.weight_decay, prior = prior_of(fit);
     const bool first = lg_minimiser_result(fit->state.minimiser).evaluations == 0;
-    (void)snprintf(what, sizeof what, "epoch %" PRIu64, fit->state.epoch + 1);
     lg_status status = takes_squares(fit) ? lg_fit_squares(fit, what, value, error)
                                           : lg_fit_batch_loss(fit, fit->state.order, fit->training, true,
                                                               what, value, error);
@@ -271,6 +269,11 @@ static void watch_noise(lg_fit *fit, double loss) {
     s->plateau_start = iterations;
 }
 
+static void drop_minimiser(lg_fit_state *s) {
+    lg_minimiser_destroy(s->minimiser);
+    s->minimiser = NULL;
+}
+
 lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error) {
     lg_fit_state *s = &fit->state;
     const size_t n = fit->problem.parameters;
@@ -279,19 +282,24 @@ lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error) {
         const lg_status made = lg_minimiser_create(fit->context, n, &options, s->theta, &s->minimiser, error);
         const lg_status agreed = lg_fit_agree(fit, made, error);
         if (agreed != LG_OK) { /* all ranks have a minimiser, or none has one */
-            lg_minimiser_destroy(s->minimiser);
-            s->minimiser = NULL;
+            drop_minimiser(s);
             return agreed;
         }
     }
+    char what[64];
     double value = 0.0;
+    (void)snprintf(what, sizeof what, "epoch %" PRIu64, s->epoch + 1);
     fit->point = lg_minimiser_point(s->minimiser);
-    LG_TRY(full_loss(fit, &value, error));
+    LG_TRY(full_loss(fit, what, &value, error));
     const double *gradient = (const double *)(const void *)fit->shards[0].gradient;
     *moved = takes_squares(fit)
                  ? lg_minimiser_tell_squares(s->minimiser, value, gradient, fit->shards[0].matrix)
                  : lg_minimiser_tell(s->minimiser, value, gradient);
     LG_TRY(lg_minimiser_status(s->minimiser));
+    if (lg_minimiser_result(s->minimiser).end == LG_MINIMISE_NOT_FINITE) {
+        drop_minimiser(s); /* a further run begins again at the same point */
+        return lg_fit_gradient_failure(fit, what, error);
+    }
     memcpy(s->theta, lg_minimiser_best(s->minimiser), n * sizeof(double));
     const double loss = plain_loss(fit);
     if (*moved && !takes_squares(fit) && fit->options.prior > 0.0 && fit->problem.observations > 0)
@@ -314,8 +322,7 @@ static bool phase_done(const lg_fit *fit) {
 void lg_fit_next_phase(lg_fit *fit) {
     lg_fit_state *s = &fit->state;
     if (is_last(fit) || !(minimiser_ended(fit) || phase_done(fit))) return;
-    lg_minimiser_destroy(s->minimiser);
-    s->minimiser = NULL;
+    drop_minimiser(s);
     s->noise = 0.0;
     s->plateau_start = 0;
     s->phase++;

@@ -225,7 +225,8 @@ lg_status lg_fit_gradient_failure(const lg_fit *fit, const char *what, lg_error 
     if (index < fit->problem.parameters)
         return lg_fail(error, LG_NOT_FINITE, "%s: the gradient of parameter %zu is %s", what, index,
                        shown(value));
-    return lg_fail(error, LG_NOT_FINITE, "%s: the norm of the gradient overflows", what);
+    return lg_fail(error, LG_NOT_FINITE, "%s: the norm of the gradient%s overflows", what,
+                   fit->with_squares ? " or the Gauss-Newton matrix" : "");
 }
 
 /* Reports the first value that overflowed, and restores the state before the step. */

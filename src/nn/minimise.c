@@ -202,8 +202,7 @@ void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end) {
     memcpy(m->point, m->x, m->n * sizeof *m->x);
 }
 
-/* m->point = x + step direction. */
-static void set_point(lg_minimiser *m, double step, const double *direction) {
+void lg_minimise_set_point(lg_minimiser *m, double step, const double *direction) {
     for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + step * direction[i];
 }
 
@@ -211,18 +210,18 @@ void lg_minimise_search(lg_minimiser *m, double alpha) {
     m->numbers.slope = m->k->dot(m->n, m->g, m->d);
     if (!(m->numbers.slope < 0.0) || !isfinite(m->numbers.slope)) {
         m->counts.pairs = 0;
-        for (size_t i = 0; i < m->n; i++) m->d[i] = -m->g[i];
+        m->k->unary[LG_K_SCALE](m->n, -1.0, m->g, m->d);
         m->numbers.slope = -m->k->dot(m->n, m->g, m->g);
         alpha = fmin(1.0, FIRST_STEP / sqrt(-m->numbers.slope));
     }
     lg_minimise_search_begin(m, alpha);
-    set_point(m, m->numbers.alpha, m->d);
+    lg_minimise_set_point(m, m->numbers.alpha, m->d);
 }
 
 /* Resets H to 1 and searches along -g. */
 static void restart(lg_minimiser *m) {
     m->counts.pairs = 0;
-    for (size_t i = 0; i < m->n; i++) m->d[i] = -m->g[i];
+    m->k->unary[LG_K_SCALE](m->n, -1.0, m->g, m->d);
     const double length = sqrt(m->k->dot(m->n, m->g, m->g));
     const bool known = m->counts.iterations == 0 && m->numbers.first > 0.0;
     lg_minimise_search(m, known ? fmin(m->numbers.first, LONGEST_STEP / length)
@@ -253,7 +252,7 @@ static double check_line(lg_minimiser *m) {
 static void next_check(lg_minimiser *m) {
     static const double at[CHECK_POINTS] = {1.0, -1.0, -0.5, 0.5};
     const double step = check_line(m);
-    set_point(m, at[m->counts.trials % CHECK_POINTS] * step, m->s);
+    lg_minimise_set_point(m, at[m->counts.trials % CHECK_POINTS] * step, m->s);
 }
 
 static void begin_check(lg_minimiser *m) {
@@ -440,7 +439,7 @@ static bool tell_search(lg_minimiser *m, double value, const double *gradient) {
     }
     const double slope = finite ? m->k->dot(m->n, gradient, m->d) : NAN;
     const lg_search_verdict verdict = lg_minimise_search_tell(m, finite ? value : INFINITY, slope);
-    if (verdict == LG_SEARCH_ON) set_point(m, m->numbers.alpha, m->d);
+    if (verdict == LG_SEARCH_ON) lg_minimise_set_point(m, m->numbers.alpha, m->d);
     if (verdict == LG_SEARCH_FAIL) fail_search(m);
     if (verdict == LG_SEARCH_ACCEPT) accept(m, value, gradient);
     return verdict == LG_SEARCH_ACCEPT;

@@ -96,15 +96,12 @@ lg_status lg_minimiser_save(const lg_minimiser *m, const lg_archive_writer *writ
 static lg_status check(const lg_minimiser *m, const double *memory, const double *curvature,
                        const lg_minimise_counts *c, const lg_minimise_numbers *numbers, lg_error *error) {
     const bool searching = c->stage == LG_STAGE_SEARCH;
-    const struct {
-        bool good;
-        const char *rule;
-    } rules[] = {
+    const lg_rule rules[] = {
         {c->stage < LG_MINIMISE_STAGE_COUNT && c->end < LG_MINIMISE_END_COUNT &&
              (c->stage == LG_STAGE_DONE) == (c->end != LG_MINIMISE_RUNNING),
          "minimise/counts has an unknown stage or end"},
         {c->trials < 1000 && c->iterations <= c->evaluations && c->reference <= c->iterations &&
-             c->pairs <= c->iterations,
+             c->pairs <= c->evaluations,
          "minimise/counts does not fit together"},
         {c->stage != LG_STAGE_HESSIAN || (lg_minimise_newton_fits(m) && c->trials <= 2 * m->n),
          "minimise/counts has more points of a Hessian than the method uses"},
@@ -115,9 +112,7 @@ static lg_status check(const lg_minimiser *m, const double *memory, const double
         {m->k->all_finite((size_t)(m->s - m->memory), memory) && m->k->all_finite(m->length, curvature),
          "an array of minimise/ has values that are not finite"},
     };
-    for (size_t i = 0; i < LG_COUNT(rules); i++)
-        if (!rules[i].good) return lg_fail(error, LG_FORMAT, "%s", rules[i].rule);
-    return LG_OK;
+    return lg_check_rules(rules, LG_COUNT(rules), LG_FORMAT, error);
 }
 
 lg_status lg_minimiser_load(lg_minimiser *m, const lg_archive_reader *reader, lg_error *error) {

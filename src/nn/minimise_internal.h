@@ -116,6 +116,7 @@ const lg_minimise_row *lg_minimise_row_at(size_t index);
 
 /* Ends the run for this reason; m->point becomes the best point. */
 void lg_minimise_finish(lg_minimiser *m, lg_minimise_end end);
+void lg_minimise_set_point(lg_minimiser *m, double step, const double *direction); /* m->point = x + step d */
 /* Why no step lowers f: LG_MINIMISE_BARRIER if f was not finite at the upper end of the last bracket, else
  * LG_MINIMISE_ROUNDING. */
 lg_minimise_end lg_minimise_no_step(const lg_minimiser *m);

@@ -42,7 +42,7 @@ void lg_minimise_pairs_direction(lg_minimiser *m, double *pairs, size_t most, ui
     double *rho = pairs + 2 * most * stride, *alpha = rho + most;
     const double *H = lg_minimise_pairs_diagonal(m, pairs, most);
     const uint64_t held = count < most ? count : most;
-    for (size_t i = 0; i < n; i++) m->d[i] = -m->g[i];
+    k->unary[LG_K_SCALE](n, -1.0, m->g, m->d);
     for (uint64_t back = 1; back <= held; back++) {
         const size_t i = (size_t)((count - back) % most);
         const double *si = pairs + 2 * i * stride;

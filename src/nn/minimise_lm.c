@@ -11,7 +11,8 @@
 enum { MOST_REFUSALS = 40 };
 static const double FIRST_DAMPING = 1e-3, LEAST_GAIN = 1e-4, FASTEST_FALL = 0.1, ROUNDING = 1e-16,
                     LEAST_DAMPING = 1e-20, LEFT = 1e-8, LEAST_INFLUENCE = 1e-3, FORGET = 0.5,
-                    LAST_RISE = 1e-14, NEAR = 0.1, BAD_GAIN = 0.25, GOOD_GAIN = 0.9, GROWTH = 1.5;
+                    LAST_RISE = 1e-14, NEGLIGIBLE = 1e-14, NEAR = 0.1, BAD_GAIN = 0.25, GOOD_GAIN = 0.9,
+                    GROWTH = 1.5;
 
 /* ---- memory: rows of p numbers, padded to the stride ---- */
 
@@ -58,7 +59,7 @@ static arrow arrow_of(const lg_minimiser *m) {
  * little influence relative to |x_i|. */
 static double scale_of(const lg_minimiser *m, const arrow *a, size_t i) {
     const double least = LEAST_INFLUENCE * m->numbers.value / m->x[i] / m->x[i];
-    return m->squares != NULL && m->x[i] != 0.0 ? fmax(a->D[i], least) : a->D[i];
+    return m->squares != NULL && fabs(m->x[i]) > NEGLIGIBLE ? fmax(a->D[i], least) : a->D[i];
 }
 
 /* The number mu D_i that is added to element i of the diagonal. It is 1 if D_i is 0, so that a variable
@@ -145,7 +146,7 @@ static bool solve(lg_minimiser *m) {
     const int order = (int)a.p, leading = (int)a.stride, one = 1, rest = (int)a.rest;
     static const double minus = -1.0, plus = 1.0;
     int info = 0;
-    for (size_t i = 0; i < m->n; i++) m->d[i] = -m->g[i];
+    m->k->unary[LG_K_SCALE](m->n, -1.0, m->g, m->d);
     memcpy(a.schur, a.P, a.p * a.stride * sizeof *a.schur);
     for (size_t i = 0; i < a.p; i++) a.schur[i * a.stride + i] += damping_of(m, &a, i);
     for (size_t b = 0; b < a.blocks; b++)
@@ -227,7 +228,7 @@ static void refuse(lg_minimiser *m) {
 
 /* x is a minimum to the rounding of f. One more step, without damping, gives more correct digits of x. */
 static void begin_last(lg_minimiser *m) {
-    for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->d[i];
+    lg_minimise_set_point(m, 1.0, m->d);
     m->counts.stage = LG_STAGE_SEARCH;
     m->last = true;
 }
@@ -238,7 +239,7 @@ static void begin_last(lg_minimiser *m) {
 static void propose(lg_minimiser *m) {
     for (; m->counts.failures < MOST_REFUSALS; refuse(m)) {
         if (!(m->squares != NULL ? solve_within(m) : solve(m))) continue;
-        for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->d[i];
+        lg_minimise_set_point(m, 1.0, m->d);
         m->counts.stage = LG_STAGE_SEARCH;
         m->numbers.slope = m->k->dot(m->n, m->g, m->d);
         const bool moves = memcmp(m->point, m->x, m->n * sizeof *m->x) != 0;
@@ -283,7 +284,7 @@ static void begin_damped(lg_minimiser *m) {
     m->numbers.growth = 2.0;
     m->numbers.high_value = 0.0;
     m->numbers.radius = length_of(m, m->x);
-    if (!(m->numbers.radius > 0.0)) m->numbers.radius = INFINITY;
+    if (!(m->numbers.radius > NEGLIGIBLE * sqrt(m->numbers.value))) m->numbers.radius = INFINITY;
     propose(m);
 }
 
@@ -301,8 +302,7 @@ static bool tell_newton(lg_minimiser *m, double value, const double *gradient, c
     const double slope = finite ? m->k->dot(m->n, gradient, m->d) : NAN, before = m->numbers.value;
     const lg_search_verdict verdict = lg_minimise_search_tell(m, finite ? value : INFINITY, slope);
     const bool shown = lg_minimise_newton_shows(m);
-    if (verdict == LG_SEARCH_ON)
-        for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->numbers.alpha * m->d[i];
+    if (verdict == LG_SEARCH_ON) lg_minimise_set_point(m, m->numbers.alpha, m->d);
     if (verdict == LG_SEARCH_FAIL) lg_minimise_finish(m, shown ? LG_MINIMISE_ROUNDING : LG_MINIMISE_STUCK);
     if (verdict != LG_SEARCH_ACCEPT) return false;
     take(m, value, gradient, matrix);
@@ -360,13 +360,11 @@ bool lg_minimiser_tell_squares(lg_minimiser *m, double value, const double *grad
         lg_minimise_newton_tell(m, gradient);
         return false;
     }
-    if (!finite) {
-        lg_minimise_finish(m, LG_MINIMISE_NOT_FINITE);
-        return false;
-    }
     take(m, value, gradient, matrix);
     m->numbers.reference_value = m->numbers.start_value = value;
-    if (lg_minimise_flat(m))
+    if (!finite)
+        lg_minimise_finish(m, LG_MINIMISE_NOT_FINITE);
+    else if (lg_minimise_flat(m))
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
     else
         begin_damped(m);

@@ -159,7 +159,7 @@ void lg_minimise_leave(lg_minimiser *m) {
     }
     m->numbers.slope = -LEAST_SLOPE;
     lg_minimise_search_begin(m, 1.0);
-    for (size_t i = 0; i < m->n; i++) m->point[i] = m->x[i] + m->d[i];
+    lg_minimise_set_point(m, 1.0, m->d);
 }
 
 /* Whether the Newton step lowers f by at most (sum sqrt(D_i) eps |x_i|)^2/2, the change of f that rounding of

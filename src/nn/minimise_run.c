@@ -94,21 +94,23 @@ typedef struct given_objective {
 /* Sets the units of variables that start at 0: unit[i] = size/|slope[i]|, so that one unit of x_i changes f
  * (or r) by about its own size. `size` is |f| or |r|, slope[i] the derivative by x_i. If the slope is zero or
  * of rounding size, unit[i] is the largest |x_j|; if all x are 0, it is the largest finite unit; if there is
- * none, 1. */
-static void units_of_zeros(size_t n, const double *x, double size, const double *slope, double *unit) {
-    static const double ROUNDED = 1e-12;
+ * none, 1. A variable below NEAR counts as 0 if a change by |x_i| changes f (or r) by less than NEAR size. */
+static void units_of_zeros(lg_minimiser *m, const double *x, double size, const double *slope, double *unit) {
+    static const double ROUNDED = 1e-12, NEAR = 1e-15;
     double largest = 0.0;
-    for (size_t i = 0; i < n; i++) {
-        size = fmax(size, fabs(slope[i] * x[i]));
-        largest = fmax(largest, fabs(x[i]));
-    }
-    for (size_t i = 0; i < n; i++)
-        if (x[i] == 0.0) unit[i] = size / fabs(slope[i]);
+    for (size_t i = 0; i < m->n; i++) size = fmax(size, fabs(slope[i] * x[i]));
+    for (size_t i = 0; i < m->n; i++)
+        if (fabs(x[i]) < NEAR && fabs(slope[i] * x[i]) <= NEAR * size)
+            unit[i] = size / fabs(slope[i]);
+        else
+            largest = fmax(largest, fabs(x[i]));
     const bool all_zero = largest == 0.0;
-    for (size_t i = 0; i < n && all_zero; i++)
+    for (size_t i = 0; i < m->n && all_zero; i++)
         if (isfinite(unit[i])) largest = fmax(largest, unit[i]);
-    for (size_t i = 0; i < n; i++)
+    for (size_t i = 0; i < m->n; i++) {
         if (!(unit[i] > 0.0) || !(unit[i] * ROUNDED <= largest)) unit[i] = largest > 0.0 ? largest : 1.0;
+        m->x[i] = m->point[i] = x[i] / unit[i];
+    }
 }
 
 /* Sets the units to |x_i|, or 1 for x_i = 0. So the minimiser starts at 1, -1 or 0 in each variable. */
@@ -123,10 +125,10 @@ static void take_units(lg_minimiser *m, const double *x, double *unit) {
 
 /* Called at the start point: sets the units of variables that start at 0, and value_unit, which scales the
  * gradient to a norm between 1 and 2. */
-static void complete_units(const lg_minimiser *m, given_objective *given, double value) {
+static void complete_units(lg_minimiser *m, given_objective *given, double value) {
     double sum = 0.0;
     if (!isfinite(value) || !m->k->all_finite(m->n, given->gradient)) return;
-    units_of_zeros(m->n, given->x, fabs(value), given->gradient, given->unit);
+    units_of_zeros(m, given->x, fabs(value), given->gradient, given->unit);
     for (size_t i = 0; i < m->n; i++) sum = hypot(sum, given->gradient[i] * given->unit[i]);
     if (sum > 0.0 && isfinite(sum)) given->value_unit = exp2(floor(log2(sum)));
 }
@@ -190,13 +192,13 @@ static lg_status call_residuals(const given_residuals *given, const double *poin
 
 /* Called at the start point: variables that start at 0 have had the unit 1; they now get a unit that makes
  * their column of J as long as r. J is converted. */
-static void complete_residual_units(const given_residuals *given) {
+static void complete_residual_units(lg_minimiser *m, const given_residuals *given) {
     const size_t n = given->n, numbers = given->m * n;
     double *slope = given->gradient;
-    for (size_t j = 0; j < n; j++) slope[j] = 0.0;
+    given->k->fill(n, 0.0, slope);
     for (size_t i = 0; i < numbers; i++) given->jacobian[i] /= given->unit[i % n];
     for (size_t i = 0; i < numbers; i++) slope[i % n] = hypot(slope[i % n], given->jacobian[i]);
-    units_of_zeros(n, given->x, sqrt(given->k->dot(given->m, given->r, given->r)), slope, given->unit);
+    units_of_zeros(m, given->x, sqrt(given->k->dot(given->m, given->r, given->r)), slope, given->unit);
     for (size_t i = 0; i < numbers; i++) given->jacobian[i] *= given->unit[i % n];
 }
 
@@ -285,7 +287,7 @@ static lg_status evaluate_residuals(lg_minimiser *m, void *user) {
     const bool first = m->counts.stage == LG_STAGE_START;
     const lg_status status = call_residuals(given, m->point);
     if (status != LG_OK && status != LG_NOT_FINITE) return status;
-    if (first && status == LG_OK) complete_residual_units(given);
+    if (first && status == LG_OK) complete_residual_units(m, given);
     given->k->transpose(rows, n, given->jacobian, given->transposed);
     given->k->gemm(n, n, rows, given->transposed, rows, 1, given->jacobian, n, given->matrix, n, false);
     given->k->matvec(n, rows, given->transposed, given->r, given->gradient, false);

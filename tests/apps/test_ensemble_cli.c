@@ -130,6 +130,16 @@ TEST("the times of first events have their known distribution") {
     assert_close(json_number(within(events, "p<-1.5"), "without"), 1500, 0.1, 0);
 }
 
+/* At q = 1/2 the time is acos(1/(2 q0)): its deviation is 1/sqrt(3) times that of q0. */
+TEST("the times of first events have the right deviation if it is 1e-9 of the time") {
+    json("circles.yaml --ensemble 1000 --points 2 --t-end 1400 --vary q=around:1e-9,p=uniform:0:0 "
+         "--event q=0.5 --method dp85 --tol 1e-12",
+         "");
+    const char *event = within(within(result.out, "events"), "q=0.5");
+    assert_close(json_number(event, "mean"), 1.0471975511965976, 1e-9, 0);
+    assert_close(json_number(event, "deviation"), 1e-9 / sqrt(3), 0.1, 0);
+}
+
 /* ---- parts of an ensemble ---- */
 
 /* Fails unless both files hold the same numbers under this name. */

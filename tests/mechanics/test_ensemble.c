@@ -733,6 +733,21 @@ TEST("numbers beyond the range of the bins count, NaN and infinity do not") {
     assert_true(isnan(lg_statistics_quantile(s, 0, 1, 0.5)) && isnan(lg_statistics_of(s, 0, 1).mean));
 }
 
+TEST("numbers whose squares or sums overflow have no deviation or no mean, and no wrong one") {
+    static const struct {
+        double x, mean, deviation;
+    } cases[] = {{1e150, 1e150, 1e150}, {1e155, 1e155, (double)NAN}, {8e307, (double)NAN, (double)NAN}};
+    for (size_t i = 0; i < LG_COUNT(cases); i++) {
+        lg_statistics *s = make_statistics(8, (const double[]){0.0}, 1);
+        for (int k = 0; k < 3; k++) lg_statistics_add(s, 0, 0, (const double[]){k * cases[i].x}, 1);
+        const lg_statistics_cell cell = lg_statistics_of(s, 0, 0);
+        assert_true(cell.least == 0 && cell.largest == 2 * cases[i].x && cell.count == 3);
+        assert_true(isnan(cases[i].mean) ? isnan(cell.mean) : fabs(cell.mean / cases[i].x - 1) < 1e-15);
+        assert_true(isnan(cases[i].deviation) ? isnan(cell.deviation)
+                                              : fabs(cell.deviation / cases[i].x - 1) < 1e-15);
+    }
+}
+
 TEST("statistics are saved, loaded and merged without loss") {
     enum { N = 500 };
     const double *x = test_numbers(4, N, 0.1, 2.0);

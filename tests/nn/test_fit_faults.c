@@ -124,6 +124,43 @@ TEST("gradients that overflow are found, however they are divided into shards an
             }
 }
 
+/* r_s = x_s sqrt(theta_0) + c theta_1 - 1. At theta_0 = 0 its derivative is infinite; with c = 1e160 the
+ * matrix J^T J overflows. */
+static lg_status root_residuals(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples,
+                                size_t count, size_t batch, lg_var *r) {
+    double *x = TEST_ARRAY(double, count);
+    (void)batch;
+    for (size_t i = 0; i < count; i++) x[i] = 1.0 + samples[i];
+    const lg_var root = lg_sqrt(tape, lg_slice(tape, theta, 0, 0, 1)),
+                 c = lg_scale(tape, lg_slice(tape, theta, 0, 1, 1), *(const double *)user);
+    const lg_var line = lg_mul(tape, lg_input_f64(tape, lg_shape1((uint32_t)count), x), root);
+    *r = lg_add_scalar(tape, lg_add(tape, line, c), -1.0);
+    return lg_tape_status(tape);
+}
+
+TEST("derivatives that are infinite at the start are an error of every method") {
+    double c = 1.0;
+    const lg_fit_problem problem = {.parameters = 2, .samples = 4, .residuals = root_residuals, .user = &c};
+    for (int method = 0; lg_fit_method_name((lg_fit_method)method) != NULL; method++) {
+        lg_error error;
+        lg_fit_options o = options_of(20, 0);
+        assert_told(lg_fit_plan_parse(lg_fit_method_name((lg_fit_method)method), true, &o.plan, &told));
+        lg_fit *fit = test_fit(NULL, &problem, &o, (const double[2]){0.0, 0.5});
+        for (int again = 0; again < 2; again++) {
+            assert_status(lg_fit_run(fit, &error), LG_NOT_FINITE);
+            assert_message(&error, "the gradient of parameter 0 is -inf");
+        }
+        assert_int_equal(lg_fit_epochs_done(fit), 0);
+    }
+    lg_error error;
+    lg_fit_options o = options_of(20, 0);
+    assert_told(lg_fit_plan_parse("lm", true, &o.plan, &told));
+    c = 1e160;
+    assert_status(lg_fit_run(test_fit(NULL, &problem, &o, (const double[2]){1.0, 0.0}), &error),
+                  LG_NOT_FINITE);
+    assert_message(&error, "Gauss-Newton matrix overflows");
+}
+
 TEST("a validation loss that is NaN is reported") {
     regression r = make_regression();
     lg_fit_options o = options_of(5, 10);

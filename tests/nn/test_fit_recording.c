@@ -72,10 +72,20 @@ TEST("a repeated recording takes new data, and refuses everything else that is n
     lg_plan_destroy(plan);
 }
 
+TEST("a repeated recording does not write to the memory of a parameter") {
+    double theta[2] = {0.3, -0.7};
+    lg_tape *tape = dry_tape(LG_F64);
+    (void)lg_parameter(tape, lg_shape1(2), theta);
+    lg_tape_repeat(tape);
+    (void)lg_input_f64(tape, lg_shape1(2), (const double[2]){1.0, 2.0});
+    assert_int_equal(lg_tape_status(tape), LG_UNSUPPORTED);
+    assert_true(theta[0] == 0.3 && theta[1] == -0.7);
+}
+
 /* ---- fits ---- */
 
 /* How the recordings of a loss differ from one call to another. */
-typedef enum change { SAME, CONSTANT, OPERATION, READS } change;
+typedef enum change { SAME, CONSTANT, OPERATION, JACOBIAN, GIVEN, READS } change;
 
 typedef struct changing {
     regression r;
@@ -90,6 +100,20 @@ static lg_status changing_loss(void *user, lg_tape *tape, lg_var theta, const ui
     double value;
     if (c->change == CONSTANT) *loss = lg_mul(tape, *loss, lg_full(tape, lg_shape0(), odd ? 2.0 : 1.0));
     if (c->change == OPERATION && odd) *loss = lg_scale(tape, *loss, 2.0);
+    if (c->change == JACOBIAN) {
+        const lg_var two = lg_slice(tape, theta, 0, 0, 2), wave = lg_sin(tape, two);
+        const lg_var aim = lg_input_f64(tape, lg_shape2(2, 2), (const double[4]){0.5, 2.0, -1.0, 0.3});
+        const lg_var off = lg_sub(tape, lg_jacobian(tape, wave, two), aim);
+        const double part = (double)count / (double)batch;
+        *loss = lg_add(tape, *loss, lg_scale(tape, lg_sum(tape, lg_square(tape, off)), part));
+    }
+    if (c->change == GIVEN) { /* numbers in the caller's memory, which differ from sample to sample */
+        static const float single[2] = {1.0f, 3.0f};
+        static const double whole[2] = {1.0, 3.0};
+        const bool f32 = tape->options.dtype == LG_F32;
+        const void *number = f32 ? (const void *)&single[odd] : &whole[odd];
+        *loss = lg_mul(tape, *loss, lg_parameter(tape, lg_shape0(), number));
+    }
     if (c->change == READS) LG_TRY(lg_read(tape, *loss, 1, &value));
     return LG_OK;
 }

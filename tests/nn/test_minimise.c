@@ -220,6 +220,17 @@ TEST("steps and checks adapt to the sizes of the variables and of the function")
         }
 }
 
+TEST("a start very close to 0 leads to the same minimum as 0") {
+    static const double close[] = {1e-16, 1e-19, 1e-23, 1e-30, 1e-100, 1e-300, 0};
+    for (size_t c = 0; c < 4 * LG_COUNT(close); c++) {
+        const size_t n = 1 + c % 2;
+        function f = FUNCTION(stiff, n);
+        double x[2] = {close[c / 4], 0.5};
+        (void)minimise(&f, c % 4 < 2 ? LG_MINIMISE_SSBROYDEN : LG_MINIMISE_LBFGS, x, LG_OK);
+        for (size_t i = 0; i < n; i++) assert_close(x[i], 1, 1e-9, 0);
+    }
+}
+
 /* Two squares whose variables have the units `first` and `second`, and a third variable, along which f does
  * not fall at 0. */
 static lg_status mixed(const double *x, double first, double second, double *value, double *gradient) {
@@ -764,10 +775,10 @@ static void advance(lg_minimiser *m, function *f) {
 }
 
 TEST("a run that is saved and loaded after every evaluation has the bits of one that was not") {
-    const function functions[] = {FUNCTION(rosenbrock, 3), FUNCTION(bowl, 201)};
-    for (int row = 0; row < 2 * LG_MINIMISE_LM; row++) {
-        const lg_minimise_method method = (lg_minimise_method)(row / 2);
-        function f = functions[row % 2];
+    const function functions[] = {FUNCTION(rosenbrock, 3), FUNCTION(bowl, 201), FUNCTION(stiff, 1)};
+    for (int row = 0; row < 3 * LG_MINIMISE_LM; row++) {
+        const lg_minimise_method method = (lg_minimise_method)(row / 3);
+        function f = functions[row % 3];
         lg_minimiser *whole = test_minimiser(&f, method), *parts = whole;
         whole = test_minimiser(&f, method);
         for (int i = 0; i < 100; i++) { /* includes the check of the Hessian at the end */
@@ -783,8 +794,8 @@ TEST("a run that is saved and loaded after every evaluation has the bits of one 
         }
         const lg_minimise_result a = lg_minimiser_result(parts), b = lg_minimiser_result(whole);
         assert_int_equal(a.iterations, b.iterations);
-        assert_true(a.iterations > 10);
-        if (row % 2 != 0) assert_int_equal(a.end, LG_MINIMISE_GRADIENT);
+        assert_true(a.iterations > 10 || row % 3 == 2); /* fewer than the first pairs of ssbroyden */
+        if (row % 3 == 1) assert_int_equal(a.end, LG_MINIMISE_GRADIENT);
     }
 }
 
@@ -894,6 +905,7 @@ TEST("a minimiser ignores what does not belong to its method or its stage, and f
     lm = test_minimiser(&f, LG_MINIMISE_LM);
     (void)lg_minimiser_tell_squares(lm, 1, gradient, (const double[9]){NAN});
     assert_int_equal(lg_minimiser_result(lm).end, LG_MINIMISE_NOT_FINITE);
+    assert_true(lg_minimiser_result(lm).value == 1 && lg_minimiser_result(lm).gradient == 3);
     lm = test_minimiser(&f, LG_MINIMISE_LM);
     (void)lg_minimiser_tell_squares(lm, 1, gradient, matrix);
     lg_minimiser_change(lm, 1, gradient);
@@ -1057,6 +1069,29 @@ TEST("residuals that are not finite shorten the step of least squares, but are a
             lg_least_squares(NULL, 3, POINTS, decay_residuals, &f, NULL, x, NULL, &result, NULL);
         assert_status(status, poison == 1 ? LG_NOT_FINITE : LG_OK);
         if (poison > 1) assert_close(x[1], 1.5, 1e-12, 0);
+    }
+}
+
+/* x_i - 1, and 0.1 (x_0 + ... - 1 - n) */
+static lg_status line_residuals(void *user, const double *x, double *r, double *jacobian) {
+    const size_t n = *(const size_t *)user;
+    r[n] = -0.1 * (double)(n + 1);
+    for (size_t i = 0; i < n; i++) {
+        r[i] = x[i] - 1;
+        r[n] += 0.1 * x[i];
+        for (size_t j = 0; j < n; j++) jacobian[i * n + j] = i == j;
+        jacobian[n * n + i] = 0.1;
+    }
+    return LG_OK;
+}
+
+TEST("least squares find the minimum from a start very close to 0") {
+    static const double close[] = {1e-16, 1e-17, 1e-20, 1e-24, 1e-100, 1e-300, 0};
+    for (size_t c = 0; c < 4 * LG_COUNT(close); c++) {
+        size_t n = 1 + c % 2;
+        double x[2] = {close[c / 4], c % 4 < 2 ? 0.5 : close[c / 4]};
+        assert_ok(lg_least_squares(NULL, n, n + 1, line_residuals, &n, NULL, x, NULL, NULL, NULL));
+        for (size_t i = 0; i < n; i++) assert_close(x[i], 1 + 0.01 / (1 + 0.01 * (double)n), 1e-12, 0);
     }
 }
 

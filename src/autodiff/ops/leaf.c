@@ -76,7 +76,10 @@ lg_var lg_parameter(lg_tape *tape, lg_shape shape, const void *data) {
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "parameter",
                             "the rank is above 4, the shape is too large, or the data is NULL");
     for (uint32_t i = shape.rank; i < LG_MAX_RANK; i++) shape.dims[i] = 0;
-    return record_leaf(tape, shape, (void *)(uintptr_t)data, 0); /* the tape never writes to a leaf's value */
+    if (tape->count < tape->repeated && !(tape->nodes[tape->count].flags & LG_NODE_GIVEN))
+        return lg_input(tape, shape, data);
+    /* the tape never writes to this value */
+    return record_leaf(tape, shape, (void *)(uintptr_t)data, LG_NODE_GIVEN);
 }
 
 lg_var lg_full(lg_tape *tape, lg_shape shape, double c) {

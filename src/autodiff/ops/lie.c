@@ -61,8 +61,7 @@ static lg_var build_act(lg_tape *tape, const lg_var *x, uint32_t columns) {
     return lg_add(tape, p, lg_cross(tape, r, q));
 }
 
-/* from + weight * by */
-static lg_var moved(lg_tape *tape, lg_var from, double weight, lg_var by) {
+lg_var lg_taped_moved(lg_tape *tape, lg_var from, double weight, lg_var by) {
     lg_var terms[2] = {from, by};
     const double c[2] = {1.0, weight};
     return lg_linear_combination(tape, terms, c, 2);
@@ -71,7 +70,7 @@ static lg_var moved(lg_tape *tape, lg_var from, double weight, lg_var by) {
 static lg_var build_dexpinv(lg_tape *tape, const lg_var *x, uint32_t columns) {
     lg_var g2 = lg_dexpinv_coefficient(tape, lg_rownorm2(tape, x[0]), 0);
     lg_var ab = lg_cross(tape, x[0], x[1]), aab = lg_cross(tape, x[0], ab);
-    return lg_add(tape, moved(tape, x[1], -0.5, ab), lg_mul(tape, g2, aab));
+    return lg_add(tape, lg_taped_moved(tape, x[1], -0.5, ab), lg_mul(tape, g2, aab));
 }
 
 /* The closed form of lg_se3_dexpinv with first argument (A, a) and second argument (B, b):
@@ -87,7 +86,7 @@ static lg_var build_dexpinv_second(lg_tape *tape, const lg_var *x, uint32_t colu
     lg_var mixed = lg_add(tape, lg_cross(tape, a, B), lg_cross(tape, A, b));
     lg_var triple = lg_add(tape, lg_cross(tape, a, AB), lg_cross(tape, A, mixed));
     lg_var tail = lg_add(tape, lg_mul(tape, lg_mul(tape, rho, gt2), AAB), lg_mul(tape, g2, triple));
-    return lg_add(tape, moved(tape, b, -0.5, mixed), tail);
+    return lg_add(tape, lg_taped_moved(tape, b, -0.5, mixed), tail);
 }
 
 typedef struct map_row {

@@ -7,6 +7,8 @@
 
 #include "liegrad/tape.h"
 
+/* from + weight by, for any shape. */
+lg_var lg_taped_moved(lg_tape *tape, lg_var from, double weight, lg_var by);
 /* exp(u) x, or exp(u) X for row-major matrices X (..., 9). */
 lg_var lg_so3_exp_rows(lg_tape *tape, lg_var u, lg_var x);
 /* dexp_u(v) and dexp_u^-1(v). */

@@ -368,13 +368,12 @@ static lg_status reduce_max_forward(lg_evaluation *e) {
 
 static lg_status argmax_mask_forward(lg_evaluation *e) {
     const uint32_t *size = e->attr->i;
-    const double one = 1.0;
     if (e->count == 0) return LG_OK;
     e->k->fill(e->count, 0.0, e->y);
     for (size_t o = 0; o < size[0]; o++)
         for (size_t i = 0; i < size[2]; i++) {
             size_t at = (o * size[1] + first_maximum(e, o, i)) * size[2] + i;
-            e->k->convert_in(1, &one, (unsigned char *)e->y + at * e->k->size);
+            e->k->fill(1, 1.0, (unsigned char *)e->y + at * e->k->size);
         }
     return LG_OK;
 }

@@ -10,6 +10,8 @@
 #include "autodiff/program/program_call.h"
 #include "core/clean.h"
 
+LG_AT(lg_program_destroy, lg_program)
+
 /* A derivative consists of known operations, so three numbers of rows suffice. The caller's own code may
  * branch on values, which recordings at more points reveal. */
 enum { RECORDINGS = 8, OF_DERIVATIVES = 3 };
@@ -499,18 +501,28 @@ lg_status lg_program_add_function(lg_program *program, const lg_function_spec *f
     return lg_program_record_function(program, function, false, error);
 }
 
-static lg_status build(const lg_context *context, const lg_program_spec *spec, lg_program **out,
+/* begin: functions are added later. */
+static lg_status build(const lg_context *context, const lg_program_spec *spec, bool begin, lg_program **out,
                        lg_error *error) {
-    lg_program *made;
     lg_error ignored;
     if (error == NULL) error = &ignored;
     error->message[0] = '\0';
+    if (spec == NULL || spec->size != sizeof *spec || out == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the specification or `out` is NULL, or the specification's size is wrong");
+    if (begin && spec->function_count > 0)
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "function_count must be 0 here: add functions later, or build the program with lg_program_build");
+    if (!begin && (spec->functions == NULL || spec->function_count == 0))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "a program needs at least one function");
     if (spec->parameters == NULL && spec->parameter_count > 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "parameter_count is %zu, but `parameters` is NULL",
                        spec->parameter_count);
     if (spec->description != NULL && strlen(spec->description) > LG_PROGRAM_MAX_TEXT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the description has more than %d bytes",
                        LG_PROGRAM_MAX_TEXT);
+    LG_CLEAN(lg_program_destroy_at) lg_program *made = NULL;
     if (lg_program_create(context, &made) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a program");
     lg_status status = LG_OK;
@@ -520,35 +532,19 @@ static lg_status build(const lg_context *context, const lg_program_spec *spec, l
         status = lg_program_add_parameter(made, &spec->parameters[i], error);
     for (size_t i = 0; status == LG_OK && i < spec->function_count; i++)
         status = lg_program_record_function(made, &spec->functions[i], false, error);
-    if (status == LG_OK) {
-        *out = made;
-        return LG_OK;
-    }
-    lg_program_destroy(made);
+    if (status == LG_OK) return LG_MOVE(out, made);
     if (error->message[0] == '\0') (void)lg_fail(error, status, "%s", lg_status_sentence(status));
     return status;
 }
 
 lg_status lg_program_build(const lg_context *context, const lg_program_spec *spec, lg_program **out,
                            lg_error *error) {
-    if (spec == NULL || spec->size != sizeof *spec || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the specification or `out` is NULL, or the specification's size is wrong");
-    if (spec->functions == NULL || spec->function_count == 0)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "a program needs at least one function");
-    return build(context, spec, out, error);
+    return build(context, spec, false, out, error);
 }
 
 lg_status lg_program_begin(const lg_context *context, const lg_program_spec *spec, lg_program **out,
                            lg_error *error) {
-    if (spec == NULL || spec->size != sizeof *spec || out == NULL)
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the specification or `out` is NULL, or the specification's size is wrong");
-    if (spec->function_count > 0)
-        return lg_fail(
-            error, LG_INVALID_ARGUMENT,
-            "function_count must be 0 here: add functions later, or build the program with lg_program_build");
-    return build(context, spec, out, error);
+    return build(context, spec, true, out, error);
 }
 
 lg_status lg_program_of(const lg_context *context, const lg_function_spec *functions, size_t count,

@@ -90,10 +90,9 @@ static lg_var unit_rows(lg_tape *tape, const lg_port *port, uint32_t rows, uint3
     void *memory = NULL;
     const lg_var leaf = lg_input_buffer(tape, lg_shape3(1, copies, n), &memory);
     if (memory == NULL) return LG_NONE;
-    const double one = 1.0;
     tape->k->fill((size_t)copies * n, 0.0, memory);
     for (uint32_t i = 0; i < n; i++)
-        tape->k->convert_in(1, &one, (unsigned char *)memory + ((size_t)(first + i) * n + i) * tape->k->size);
+        tape->k->fill(1, 1.0, (unsigned char *)memory + ((size_t)(first + i) * n + i) * tape->k->size);
     const lg_var all = lg_broadcast_to(tape, leaf, lg_shape3(rows, copies, n));
     return lg_reshape(tape, all, lg_port_shape(port, (size_t)rows * copies));
 }

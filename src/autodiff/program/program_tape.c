@@ -169,6 +169,7 @@ static void *move_data(taking *t) {
         if (t->place[i] == 0 || !is_data(t, i)) continue;
         memcpy(data + at * size, node->value, node->count * size);
         node->value = data + at * size;
+        node->flags &= (uint8_t)~LG_NODE_GIVEN;
         at += room_of(t->tape, node);
     }
     return data;

@@ -156,11 +156,13 @@ lg_status lg_jvp(lg_tape *tape, const lg_var *y, size_t ny, const lg_var *x, con
 /* ---- functions built on both modes ---- */
 
 lg_var lg_unit_like(lg_tape *tape, lg_var v, size_t one) {
-    lg_shape shape = lg_node_at(tape, v)->shape;
-    lg_var unit = lg_full(tape, shape, 0.0);
+    const lg_node *like = lg_node_at(tape, v);
+    const size_t count = like->count;
+    void *values;
+    const lg_var unit = lg_input_buffer(tape, like->shape, &values);
     if (lg_is_none(unit)) return unit;
-    const double value = 1.0;
-    tape->k->convert_in(1, &value, (unsigned char *)tape->nodes[unit.index].value + one * tape->k->size);
+    tape->k->fill(count, 0.0, values);
+    tape->k->fill(1, 1.0, (unsigned char *)values + one * tape->k->size);
     return unit;
 }
 

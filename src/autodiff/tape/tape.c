@@ -241,7 +241,8 @@ static lg_var repeat(lg_tape *tape, const lg_op *op, const lg_var *in, uint32_t 
 
 void *lg_repeated_leaf(lg_tape *tape, const lg_shape *shape) {
     const lg_node *node = &tape->nodes[tape->count];
-    if (tape->count < tape->repeated && node->inputs == 0 && lg_same_shape(&node->shape, shape))
+    if (tape->count < tape->repeated && node->inputs == 0 && !(node->flags & LG_NODE_GIVEN) &&
+        lg_same_shape(&node->shape, shape))
         return node->value;
     lg_tape_fail(tape, LG_UNSUPPORTED, "input",
                  "it is not what the recording that is being repeated has here");

@@ -17,7 +17,8 @@ enum {
     LG_NODE_VIEW = 2,
     LG_NODE_NO_VALUE = 4, /* a fused operation has overwritten the value; the node remains only for handles */
     LG_NODE_ROWS = 8,     /* a leaf whose first axis counts the rows of a batch: lg_tape_mark_rows */
-    LG_NODE_FULL = 16     /* a leaf whose elements are all the same constant: lg_full */
+    LG_NODE_FULL = 16,    /* a leaf whose elements are all the same constant: lg_full */
+    LG_NODE_GIVEN = 32    /* a leaf in the caller's memory: lg_parameter */
 };
 
 typedef struct lg_node {
@@ -157,8 +158,9 @@ lg_var lg_record_shaped(lg_tape *tape, const lg_op *op, const lg_var *in, uint32
 void lg_tape_set_dry(lg_tape *tape);
 /* Goes back to the first node of a dry tape and keeps the recording. The caller then records the same
  * operations again, with the same attributes, indices and constants (lg_full). The new values of leaves go to
- * the memory of the old values; lg_parameter may name other memory. Any other call fails with LG_UNSUPPORTED;
- * the caller may then call lg_tape_repeat again. lg_tape_reset ends the repetition. */
+ * the memory of the old values; a leaf of lg_parameter that lg_plan_of_tape has not moved may name other
+ * memory. Any other call fails with LG_UNSUPPORTED; the caller may then call lg_tape_repeat again.
+ * lg_tape_reset ends the repetition. */
 void lg_tape_repeat(lg_tape *tape);
 /* Returns the memory of the next leaf of the repeated recording, or NULL with the tape's error set. */
 void *lg_repeated_leaf(lg_tape *tape, const lg_shape *shape);
