@@ -49,9 +49,8 @@ static lg_status take_code(const lg_context *context, const lg_expansion *x, siz
     LG_SCRATCH(uint32_t, number, context, s->count + 1);
     LG_SCRATCH(uint8_t, needed, context, s->count + 1);
     *out = (lg_certificate_code){.inputs = (uint32_t)x->inputs, .outputs = (uint32_t)outputs};
-    out->line = lg_alloc(context, s->count + 1, sizeof *out->line);
-    out->output = lg_alloc(context, outputs, sizeof *out->output);
-    if (number == NULL || needed == NULL || out->line == NULL || out->output == NULL) return LG_OUT_OF_MEMORY;
+    if (number == NULL || needed == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(context, LG_ARRAY(out->line, s->count + 1), LG_ARRAY(out->output, outputs)));
     lg_scalars_mark(s, x->result, outputs, needed);
     for (uint32_t i = 0; i < s->count; i++) {
         if (needed[i] == 0) continue;

@@ -40,10 +40,9 @@ static desk desk_of(const lg_certify *c, size_t task, size_t *bytes) {
 
 lg_status lg_certify_memory(lg_certify *c) {
     (void)desk_of(c, 0, &c->piece);
-    c->work = lg_alloc(c->context, LG_CERTIFY_TASKS, c->piece);
-    c->batch = lg_alloc(c->context, (size_t)LG_CERTIFY_BATCH * 2 * c->n, sizeof *c->batch);
-    c->found = lg_alloc(c->context, LG_CERTIFY_BATCH, sizeof *c->found);
-    return c->work != NULL && c->batch != NULL && c->found != NULL ? LG_OK : LG_OUT_OF_MEMORY;
+    return LG_ALLOC_ALL(c->context, {&c->work, LG_CERTIFY_TASKS, c->piece},
+                        LG_ARRAY(c->batch, (size_t)LG_CERTIFY_BATCH * 2 * c->n),
+                        LG_ARRAY(c->found, LG_CERTIFY_BATCH));
 }
 
 /* The least level of V, its gradient and the rate over the box. Where one of their Jacobians may not be

@@ -37,10 +37,8 @@ lg_status lg_statistics_create(const lg_context *context, size_t rows, size_t co
     lg_statistics *s = lg_alloc(context, 1, sizeof(*s));
     if (!s) return LG_OUT_OF_MEMORY;
     *s = (lg_statistics){.context = context, .rows = rows, .columns = columns, .bins = bins};
-    s->logarithmic = lg_alloc(context, columns, sizeof(*s->logarithmic));
-    s->cells = lg_alloc(context, rows * columns, sizeof(*s->cells));
-    s->bin = lg_alloc(context, rows * columns * (bins + 2), sizeof(*s->bin));
-    if (!s->logarithmic || !s->cells || !s->bin) {
+    if (LG_ALLOC_ALL(context, LG_ARRAY(s->logarithmic, columns), LG_ARRAY(s->cells, rows * columns),
+                     LG_ARRAY(s->bin, rows * columns * (bins + 2))) != LG_OK) {
         lg_statistics_destroy(s);
         return LG_OUT_OF_MEMORY;
     }

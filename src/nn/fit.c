@@ -173,15 +173,11 @@ static lg_status create_machinery(lg_fit *fit) {
     LG_TRY(lg_fit_state_create(fit, &fit->state));
     LG_TRY(create_shards(fit));
     fit->blocks = (n + LG_FIT_BLOCK - 1) / LG_FIT_BLOCK;
-    fit->partial = lg_alloc(fit->context, fit->blocks, sizeof *fit->partial);
-    fit->overflowed = lg_alloc(fit->context, fit->blocks, sizeof *fit->overflowed);
-    fit->backup = lg_alloc(fit->context, 3 * n, fit->k->size);
-    fit->scratch = lg_alloc(fit->context, fit->options.epochs, sizeof *fit->scratch);
-    const bool restarts = fit->options.restarts > 0 && fit->problem.revive != NULL;
-    if (restarts) fit->revived = lg_alloc(fit->context, n, sizeof *fit->revived);
-    if (restarts && fit->revived == NULL) return LG_OUT_OF_MEMORY;
-    if (fit->partial == NULL || fit->overflowed == NULL || fit->backup == NULL || fit->scratch == NULL)
-        return LG_OUT_OF_MEMORY;
+    LG_TRY(LG_ALLOC_ALL(fit->context, LG_ARRAY(fit->partial, fit->blocks),
+                        LG_ARRAY(fit->overflowed, fit->blocks), {&fit->backup, 3 * n, fit->k->size},
+                        LG_ARRAY(fit->scratch, fit->options.epochs)));
+    if (fit->options.restarts > 0 && fit->problem.revive != NULL)
+        LG_TRY(LG_ALLOC_ALL(fit->context, LG_ARRAY(fit->revived, n)));
     return lg_thread_pool_create(fit->context, fit->options.threads, &fit->pool);
 }
 
@@ -195,7 +191,6 @@ static void start(lg_fit *fit, const double *theta) {
 
 lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem,
                         const lg_fit_options *options, const double *theta, lg_fit **out, lg_error *error) {
-    (void)lg_fail(error, LG_OK, "%s", "");
     lg_fit_options chosen;
     lg_fit_options_init(&chosen);
     if (options != NULL && options->size != sizeof *options)
@@ -456,7 +451,6 @@ static lg_status run(lg_fit *fit, lg_error *error) {
 
 lg_status lg_fit_run(lg_fit *fit, lg_error *error) {
     LG_NEEDS(error, fit);
-    (void)lg_fail(error, LG_OK, "%s", "");
     if (fit->state.minimiser != NULL) lg_minimiser_scatter(fit->state.minimiser);
     const lg_status status = run(fit, error);
     if (lg_fit_alone(fit)) return status;

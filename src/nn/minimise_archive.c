@@ -83,7 +83,6 @@ static lg_status save_all(const lg_minimiser *m, double *curvature, const lg_arc
 
 lg_status lg_minimiser_save(const lg_minimiser *m, const lg_archive_writer *writer, lg_error *error) {
     LG_NEEDS(error, m, writer);
-    (void)lg_fail(error, LG_OK, "%s", "");
     double *curvature = divided(m) ? m->whole : m->curvature;
     if (curvature == NULL)
         return lg_fail(error, LG_UNSUPPORTED,
@@ -117,7 +116,6 @@ static lg_status check(const lg_minimiser *m, const double *memory, const double
 
 lg_status lg_minimiser_load(lg_minimiser *m, const lg_archive_reader *reader, lg_error *error) {
     LG_NEEDS(error, m, reader);
-    (void)lg_fail(error, LG_OK, "%s", "");
     const size_t vectors = (size_t)(m->curvature - m->memory);
     lg_minimise_counts counts;
     lg_minimise_numbers numbers;

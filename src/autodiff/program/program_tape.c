@@ -106,14 +106,10 @@ static bool take_memory(taking *t) {
         indices += node->op->payload == LG_PAYLOAD_INDICES ? node->attr.i[0] : 0;
     }
     lg_function *f = &t->made;
-    f->node = lg_alloc(context, nodes, sizeof *f->node);
-    f->edges = lg_alloc(context, edges + 1, sizeof *f->edges);
-    f->reals = lg_alloc(context, reals + 1, sizeof *f->reals);
-    f->indices = lg_alloc(context, indices + 1, sizeof *f->indices);
-    f->result = lg_alloc(context, f->outputs, sizeof *f->result);
     f->name = lg_strdup(context, "recording");
-    return f->node != NULL && f->edges != NULL && f->reals != NULL && f->indices != NULL &&
-           f->result != NULL && f->name != NULL;
+    return f->name != NULL && LG_ALLOC_ALL(context, LG_ARRAY(f->node, nodes), LG_ARRAY(f->edges, edges + 1),
+                                           LG_ARRAY(f->reals, reals + 1), LG_ARRAY(f->indices, indices + 1),
+                                           LG_ARRAY(f->result, f->outputs)) == LG_OK;
 }
 
 static void mark_needed(taking *t, const lg_var *outputs) {
