@@ -437,7 +437,15 @@ void lg_policy_draw(const lg_policy *p, lg_rng *rng, double *z) {
     }
 }
 
-bool lg_policy_inside(const lg_policy *p, const double *z) {
+/* What `cosine` records, of one position. */
+static double cosine_at(const lg_policy_coordinate *c, const double *q) {
+    double product = 0.0;
+    if (c->motion == LG_POLICY_ANGLE) return cos(q[0] - c->goal[0]);
+    for (uint32_t k = 0; k < lg_policy_row_of(c)->position; k++) product += c->goal[k] * q[k];
+    return c->motion == LG_POLICY_ROTATION ? 0.5 * (product - 1.0) : product;
+}
+
+bool lg_policy_inside(const lg_policy *p, const double *q, const double *z) {
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
         const lg_policy_motion_row *sizes = lg_policy_row_of(c);
@@ -445,7 +453,10 @@ bool lg_policy_inside(const lg_policy *p, const double *z) {
         for (uint32_t k = 0; k < sizes->errors; k++) far = hypot(far, z[p->layout.at[i].error + k]);
         for (uint32_t k = 0; moves(c) && k < sizes->rates; k++)
             fast = hypot(fast, z[p->layout.at[i].rate + k]);
-        if (motion_of(c)->cosine != NULL) far = 2.0 * asin(fmin(far / 2.0, 1.0));
+        if (motion_of(c)->cosine != NULL) { /* errors are exact near the goal, cosines far from it */
+            const double cosine = cosine_at(c, q + p->layout.at[i].position);
+            far = cosine > 0.0 ? 2.0 * asin(fmin(far / 2.0, 1.0)) : acos(fmax(cosine, -1.0));
+        }
         if (!(far < c->success) || !(fast < c->success_velocity)) return false;
     }
     return true;

@@ -53,6 +53,7 @@ lg_status lg_policy_extend_task(lg_policy_task *task, lg_error *error) {
 
 void lg_policy_lay_out_memory(lg_policy *p, const double *dead_time) {
     lg_policy_memory *m = &p->memory;
+    const lg_policy_memory before = *m;
     *m = (lg_policy_memory){.positions = p->layout.positions};
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
@@ -62,7 +63,7 @@ void lg_policy_lay_out_memory(lg_policy *p, const double *dead_time) {
         m->positions -= c->ago > 0 || c->integrates > 0;
     }
     for (uint32_t l = 0; l < p->inputs; l++) {
-        m->late[l] = periods_of(&p->task, dead_time[l]);
+        m->late[l] = dead_time != NULL ? periods_of(&p->task, dead_time[l]) : before.late[l];
         const uint32_t needed = (uint32_t)ceil(m->late[l]);
         m->line[l] = needed > m->known[l] ? needed : m->known[l];
         m->lines += m->line[l];
