@@ -44,8 +44,8 @@ lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy *p, lg_var give
 /* Record the position and velocity at the errors z from the goal: a rotation turns by the vector z. */
 lg_policy_seen lg_policy_record_place(lg_tape *tape, const lg_policy *p, lg_var z);
 /* Sensors' noise. noise (B, n) has numbers for the positions, then for the velocities, 3 for a direction or
- * rotation: it turns by that vector, to first order. The standard deviations go to `sizes` (NULL: only n is
- * wanted). */
+ * rotation: it turns by that vector, a direction to first order. The standard deviations go to `sizes` (NULL:
+ * only n is wanted). */
 enum { LG_POLICY_NOISE = 6 * LG_POLICY_COORDINATES };
 uint32_t lg_policy_noise_sizes(const lg_policy_task *task, double *sizes);
 lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var noise);

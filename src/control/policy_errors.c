@@ -77,8 +77,13 @@ static lg_var direction_features(lg_tape *tape, const double *goal, lg_var q) {
     return q;
 }
 
+/* q/|q|: sensors give unit vectors only to rounding. */
+static lg_var direction_given(lg_tape *tape, lg_var q) {
+    return lg_div(tape, q, lg_sqrt(tape, lg_rownorm2(tape, q)));
+}
+
 static lg_var direction_noisy(lg_tape *tape, lg_var q, lg_var n) {
-    return lg_add(tape, q, lg_cross(tape, n, q));
+    return direction_given(tape, lg_add(tape, q, lg_cross(tape, n, q)));
 }
 
 static lg_var along(lg_tape *tape, const double *basis, lg_var z) {
@@ -118,29 +123,32 @@ static lg_var rotation_features(lg_tape *tape, const double *goal, lg_var q) {
     return turned(tape, goal, q);
 }
 
-/* R + R hat(n): row i is r_i + r_i x n. */
-static lg_var rotation_noisy(lg_tape *tape, lg_var q, lg_var n) {
+/* R exp(z) - R, rows t_i = r_i x z given: row i is c_1 t_i + c_2 t_i x z with Stumpff functions of |z|^2. */
+static lg_var turn_by(lg_tape *tape, const lg_var *t, lg_var z) {
+    const lg_var c = lg_stumpff_functions(tape, lg_rownorm2(tape, z), 2);
     lg_var rows[3];
-    for (uint32_t i = 0; i < 3; i++) rows[i] = lg_cross(tape, lg_slice(tape, q, 1, 3 * i, 3), n);
-    return lg_add(tape, q, lg_concat(tape, rows, 3, 1));
+    for (uint32_t i = 0; i < 3; i++)
+        rows[i] = lg_add(tape, lg_mul(tape, t[i], lg_slice(tape, c, 1, 1, 1)),
+                         lg_mul(tape, lg_cross(tape, t[i], z), lg_slice(tape, c, 1, 2, 1)));
+    return lg_concat(tape, rows, 3, 1);
 }
 
-/* goal exp(z): row i is g_i + c_1 g_i x z + c_2 (g_i x z) x z with Stumpff functions of |z|^2. */
+static lg_var rotation_noisy(lg_tape *tape, lg_var q, lg_var n) {
+    lg_var t[3];
+    for (uint32_t i = 0; i < 3; i++) t[i] = lg_cross(tape, lg_slice(tape, q, 1, 3 * i, 3), n);
+    return lg_add(tape, q, turn_by(tape, t, n));
+}
+
 static lg_var rotation_place(lg_tape *tape, const double *goal, const double *basis, lg_var z) {
     static const double hat[9][3] = {{0},        {0, 0, -1}, {0, 1, 0}, {0, 0, 1}, {0},
                                      {-1, 0, 0}, {0, -1, 0}, {1, 0, 0}, {0}};
-    const lg_var c = lg_stumpff_functions(tape, lg_rownorm2(tape, z), 2);
     double T[27] = {0};
-    lg_var rows[3];
+    lg_var t[3];
     for (int i = 0; i < 27; i++)
         for (int k = 0; k < 3; k++) T[i] += goal[i / 9 * 3 + k] * hat[3 * k + i / 3 % 3][i % 3];
     const lg_var first = lg_matmul_nt(tape, z, lg_input_f64(tape, lg_shape2(9, 3), T));
-    for (uint32_t i = 0; i < 3; i++) {
-        const lg_var once = lg_slice(tape, first, 1, 3 * i, 3), twice = lg_cross(tape, once, z);
-        rows[i] = lg_add(tape, lg_mul(tape, once, lg_slice(tape, c, 1, 1, 1)),
-                         lg_mul(tape, twice, lg_slice(tape, c, 1, 2, 1)));
-    }
-    return lg_add(tape, lg_concat(tape, rows, 3, 1), lg_input_f64(tape, lg_shape2(1, 9), goal));
+    for (uint32_t i = 0; i < 3; i++) t[i] = lg_slice(tape, first, 1, 3 * i, 3);
+    return lg_add(tape, turn_by(tape, t, z), lg_input_f64(tape, lg_shape2(1, 9), goal));
 }
 
 /* R from a quaternion w x y z of any length but 0: products of two numbers of it, then a linear map. */
@@ -175,7 +183,7 @@ static const motion motions[LG_POLICY_MOTION_COUNT + 1] = {
                              direction_sine,
                              direction_cosine,
                              direction_features,
-                             NULL,
+                             direction_given,
                              direction_noisy,
                              direction_place},
     [LG_POLICY_ROTATION] = {{"rotation", 9, 4, 3, 3, 3},

@@ -611,12 +611,17 @@ TEST("a state of training is refused for another task or plant") {
     assert_ok(lg_policy_trainer_save(trainer, &writer, NULL));
     lg_policy_trainer_destroy(trainer);
     const lg_archive_reader reader = memory_reader(&archive);
-    for (int k = 0; k < 7; k++) {
+    for (int k = 0; k < 12; k++) {
         const lg_policy_task same = task;
         if (k == 1) task.coordinate[1].weight = 2.0;
         if (k == 3) task.gate = false;
         if (k == 4) task.coordinate[1].success *= 1.2;
         if (k == 5) task.within += 1.0;
+        if (k == 7) task.delay = 0.1;
+        if (k == 8) task.coordinate[0].noise = 0.1;
+        if (k == 9) task.coordinate[1].noise_velocity = 0.1;
+        if (k == 10) task.draws = 1;
+        if (k == 11) task.spread = 0.1;
         o.lr = k == 6 ? 0.01 : 0.02;
         const char *plant =
             k != 2 ? cart_pole : test_text("%s%s", cart_pole, "damping: {kind: known, values: [0.2, 0]}\n");
