@@ -240,8 +240,10 @@ static void add_function(job *j, size_t index, text *table, size_t *largest) {
     add_golden(j, name, "golden_y", y, golden * outs);
     add_run(j, &e, name);
     add_outputs(j, &e, name);
+    const double unit = 20 * export_eps(options) * (double)depth,
+                 condition = export_bound_tolerance(j->source, unit * j->condition) / unit;
     lg_text_add(table, "    {\"%s\", run_%s, %s_golden_x, %s_golden_y, %zu, %zu, %zu, %g, outputs_of_%s},\n",
-                name, name, name, name, ins, outs, depth, j->condition, name);
+                name, name, name, name, ins, outs, depth, condition, name);
     if (outs > *largest) *largest = outs;
     if (j->condition > j->source->condition) j->source->condition = j->condition;
     export_evaluation_close(&e);

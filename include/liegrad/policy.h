@@ -302,7 +302,7 @@ typedef struct lg_policy_progress {
 typedef struct lg_policy_train_options {
     size_t size;
     uint32_t seeds;                /* in the race; default 8 */
-    uint32_t starts;               /* of a step of Adam; default 64, a multiple of 16 */
+    uint32_t starts;               /* of a step of Adam; default 64, a multiple of 64 */
     uint64_t race, finish, polish; /* steps of Adam in the race (450), then (1000), and of L-BFGS (100) */
     double lr;                     /* default 2e-2, cosine schedule */
     double seconds;                /* bound on the wall time; 0: none. Phases are shortened to fit it. */
