@@ -263,7 +263,7 @@ typedef struct export_evaluation {
     void *work;
     const lg_port *in, *out;
     size_t ins, outs;
-    bool single;
+    lg_dtype dtype;
 } export_evaluation;
 /* `most`: lg_plan_options.most_work; 0: its default. Returns the errors of lg_plan_create. */
 lg_status export_evaluation_open(const lg_program *program, size_t function, lg_dtype dtype, double most,

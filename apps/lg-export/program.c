@@ -1,4 +1,5 @@
 /* Programs as C: the library writes the code; the golden vectors of every function are drawn here. */
+#include "core/numbers.h"
 #include "lg-export/export.h"
 
 #include <float.h>
@@ -43,7 +44,7 @@ lg_status export_evaluation_open(const lg_program *program, size_t function, lg_
     lg_plan_options_init(&options);
     options.dtype = dtype;
     if (most > 0) options.most_work = most;
-    *e = (export_evaluation){.single = dtype == LG_F32};
+    *e = (export_evaluation){.dtype = dtype};
     e->in = lg_program_inputs(program, function, &e->ins);
     e->out = lg_program_outputs(program, function, &e->outs);
     const lg_status status = lg_plan_create(program, function, &options, &e->plan, error);
@@ -56,28 +57,17 @@ void export_evaluation_close(export_evaluation *e) {
     free(e->work);
 }
 
-static void *to_type(bool single, const double *x, size_t count) {
-    void *out = app_alloc(count, single ? sizeof(float) : sizeof(double));
-    for (size_t i = 0; i < count; i++) {
-        if (single)
-            ((float *)out)[i] = (float)x[i];
-        else
-            ((double *)out)[i] = x[i];
-    }
-    return out;
-}
-
 void export_evaluate(const export_evaluation *e, const double *x, double *y) {
-    const size_t size = e->single ? sizeof(float) : sizeof(double);
+    const size_t size = e->dtype == LG_F32 ? sizeof(float) : sizeof(double);
     const size_t ins = export_numbers(e->in, e->ins), outs = export_numbers(e->out, e->outs);
     APP_FREE const void **in = app_alloc(e->ins, sizeof *in);
     APP_FREE void **out = app_alloc(e->outs, sizeof *out);
-    APP_FREE unsigned char *from = to_type(e->single, x, ins), *to = app_alloc(outs, size);
+    APP_FREE unsigned char *from = app_alloc(ins, size), *to = app_alloc(outs, size);
+    lg_put_numbers(e->dtype, from, 0, x, ins);
     for (size_t i = 0, at = 0; i < e->ins; at += lg_shape_count(e->in[i++].shape)) in[i] = from + at * size;
     for (size_t i = 0, at = 0; i < e->outs; at += lg_shape_count(e->out[i++].shape)) out[i] = to + at * size;
     lg_plan_eval(e->plan, in, out, e->work);
-    for (size_t i = 0; i < outs; i++)
-        y[i] = e->single ? (double)((float *)(void *)to)[i] : ((double *)(void *)to)[i];
+    lg_get_numbers(e->dtype, to, 0, y, outs);
 }
 
 /* ---- condition ---- */

@@ -2,6 +2,8 @@
 #ifndef LG_CONTROL_POLICY_H
 #define LG_CONTROL_POLICY_H
 
+#include <math.h>
+
 #include "core/clean.h"
 #include "liegrad/networks.h"
 #include "liegrad/policy.h"
@@ -51,6 +53,9 @@ uint32_t lg_policy_noise_sizes(const lg_policy_task *task, double *sizes);
 lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var noise);
 /* Draws the errors of a start. */
 void lg_policy_draw(const lg_policy *p, lg_rng *rng, double *z);
+static inline double lg_policy_reach(const double *range) {
+    return fmax(fabs(range[0]), fabs(range[1]));
+}
 /* Whether positions q with the errors z are inside the bounds of success. Opposite to the goal z is 0 too. */
 bool lg_policy_inside(const lg_policy *p, const double *q, const double *z);
 
@@ -90,6 +95,9 @@ struct lg_policy {
     size_t draw_count;
 };
 
+static inline double lg_policy_half_range(const lg_policy *p, uint32_t input) {
+    return 0.5 * (p->task.input[input].high - p->task.input[input].low);
+}
 static inline bool lg_policy_has(const lg_policy *p, const char *function) {
     size_t number;
     return lg_program_find(p->program, function, &number, NULL) == LG_OK;

@@ -13,7 +13,7 @@ typedef struct motion {
     uint32_t features;
     /* q is (B, position). `sine` are the errors times cos(a/2) with the angle a from the goal; without
      * `cosine` they are the errors. The cost is 2 (1 - cos a), or the square. A row whose position has no
-     * errors has no sine and features_of. */
+     * errors has no sine; features_of has a row with a cosine. */
     lg_var (*sine)(lg_tape *tape, const double *goal, const double *basis, lg_var q);
     lg_var (*cosine)(lg_tape *tape, const double *goal, lg_var q); /* cos a (B, 1); NULL: a line */
     lg_var (*features_of)(lg_tape *tape, const double *goal, lg_var q);
@@ -32,10 +32,6 @@ lg_var lg_policy_filled(lg_tape *tape, lg_var x, uint32_t n, double value) {
 
 static lg_var from_goal(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
     return lg_add_scalar(tape, q, -goal[0]);
-}
-
-static lg_var line_features(lg_tape *tape, const double *goal, lg_var q) {
-    return from_goal(tape, goal, NULL, q);
 }
 
 static lg_var line_place(lg_tape *tape, const double *goal, const double *basis, lg_var z) {
@@ -119,10 +115,6 @@ static lg_var rotation_cosine(lg_tape *tape, const double *goal, lg_var q) {
     return lg_add_scalar(tape, lg_scale(tape, trace, 0.5), -0.5);
 }
 
-static lg_var rotation_features(lg_tape *tape, const double *goal, lg_var q) {
-    return turned(tape, goal, q);
-}
-
 /* R exp(z) - R, rows t_i = r_i x z given: row i is c_1 t_i + c_2 t_i x z with Stumpff functions of |z|^2. */
 static lg_var turn_by(lg_tape *tape, const lg_var *t, lg_var z) {
     const lg_var c = lg_stumpff_functions(tape, lg_rownorm2(tape, z), 2);
@@ -174,8 +166,7 @@ static lg_var rotation_given(lg_tape *tape, lg_var q) {
 enum { FREE = LG_POLICY_MOTION_COUNT };
 
 static const motion motions[LG_POLICY_MOTION_COUNT + 1] = {
-    [LG_POLICY_LINE] =
-        {{"line", 1, 1, 1, 1, 1}, 1, from_goal, NULL, line_features, NULL, line_noisy, line_place},
+    [LG_POLICY_LINE] = {{"line", 1, 1, 1, 1, 1}, 1, from_goal, NULL, NULL, NULL, line_noisy, line_place},
     [LG_POLICY_ANGLE] =
         {{"angle", 1, 1, 1, 1, 1}, 2, angle_sine, angle_cosine, angle_features, NULL, line_noisy, line_place},
     [LG_POLICY_DIRECTION] = {{"direction", 3, 3, 3, 2, 2},
@@ -190,7 +181,7 @@ static const motion motions[LG_POLICY_MOTION_COUNT + 1] = {
                             9,
                             rotation_sine,
                             rotation_cosine,
-                            rotation_features,
+                            turned,
                             rotation_given,
                             rotation_noisy,
                             rotation_place},
@@ -357,10 +348,10 @@ lg_var lg_policy_record_features(lg_tape *tape, const lg_policy *p, const double
         const motion *m = motion_of(c);
         const lg_policy_place *at = &p->layout.at[i];
         if (held(c)) {
-            parts[n] =
-                m->features_of(tape, c->goal, lg_columns(tape, seen.q, at->position, m->sizes.position));
-            if (m->cosine == NULL) parts[n] = lg_scale(tape, parts[n], 1.0 / scales[at->error]);
-            n++;
+            const lg_var q = lg_columns(tape, seen.q, at->position, m->sizes.position);
+            parts[n++] = m->cosine != NULL
+                             ? m->features_of(tape, c->goal, q)
+                             : lg_scale(tape, from_goal(tape, c->goal, NULL, q), 1.0 / scales[at->error]);
         }
         if (moves(c))
             parts[n++] = lg_scale(tape, lg_columns(tape, seen.v, at->velocity, m->sizes.velocity),

@@ -268,13 +268,9 @@ static lg_var lag_after(lg_tape *tape, const lg_policy *p, lg_var a, lg_var u, d
     const uint32_t n = p->memory.lags, m = p->inputs;
     double start[MOST * LG_POLICY_COORDINATES] = {0}, input[MOST * LG_POLICY_INPUTS] = {0}, h[MOST],
                         map[MOST * LG_POLICY_COORDINATES];
-    for (uint32_t i = 0; i < n + m; i++) {
-        h[i] = seconds;
-        if (i < n)
-            start[i * n + i] = 1.0;
-        else
-            input[i * m + i - n] = 1.0;
-    }
+    for (uint32_t i = 0; i < n + m; i++) h[i] = seconds;
+    for (uint32_t i = 0; i < n; i++) start[i * n + i] = 1.0;
+    for (uint32_t l = 0; l < m; l++) input[(n + l) * m + l] = 1.0;
     if (lg_program_eval(own->context, own->program, "lag", n + m, (const double *const[]){start, input, h},
                         (double *const[]){map}, NULL) != LG_OK)
         return LG_NONE;

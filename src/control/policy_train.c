@@ -208,12 +208,10 @@ static void order_racers(training *t, judged *found) {
             if (leads(found[k], found[best])) best = k;
         if (best == i) continue;
         double *const arrays[] = {t->theta, t->m, t->v};
-        for (size_t a = 0; a < LG_COUNT(arrays); a++)
-            for (size_t j = 0; j < t->n; j++) {
-                const double kept = arrays[a][i * t->n + j];
-                arrays[a][i * t->n + j] = arrays[a][best * t->n + j];
-                arrays[a][best * t->n + j] = kept;
-            }
+        for (size_t a = 0; a < LG_COUNT(arrays); a++) {
+            double *x = arrays[a] + i * t->n, *y = arrays[a] + best * t->n;
+            for (size_t j = 0; j < t->n; j++) t->gradient[j] = x[j], x[j] = y[j], y[j] = t->gradient[j];
+        }
         const judged kept = found[i];
         const uint64_t number = t->number[i];
         found[i] = found[best], found[best] = kept;
