@@ -13,10 +13,10 @@ typedef struct motion {
     uint32_t features;
     /* q is (B, position). `sine` are the errors times cos(a/2) with the angle a from the goal; without
      * `cosine` they are the errors. The cost is 2 (1 - cos a), or the square. A row whose position has no
-     * errors has no sine; features_of has a row with a cosine. */
+     * errors has no sine. */
     lg_var (*sine)(lg_tape *tape, const double *goal, const double *basis, lg_var q);
-    lg_var (*cosine)(lg_tape *tape, const double *goal, lg_var q); /* cos a (B, 1); NULL: a line */
-    lg_var (*features_of)(lg_tape *tape, const double *goal, lg_var q);
+    lg_var (*cosine)(lg_tape *tape, const double *goal, lg_var q);      /* cos a (B, 1); NULL: a line */
+    lg_var (*features_of)(lg_tape *tape, const double *goal, lg_var q); /* NULL: errors of a line, or q */
     lg_var (*given)(lg_tape *tape, lg_var q); /* position from the controller's; NULL: the same numbers */
     lg_var (*noisy)(lg_tape *tape, lg_var q, lg_var n); /* q with the noise n */
     lg_var (*place)(lg_tape *tape, const double *goal, const double *basis, lg_var z); /* q from errors */
@@ -67,10 +67,6 @@ static lg_var direction_sine(lg_tape *tape, const double *goal, const double *ba
 
 static lg_var direction_cosine(lg_tape *tape, const double *goal, lg_var q) {
     return lg_matmul(tape, q, lg_input_f64(tape, lg_shape2(3, 1), goal));
-}
-
-static lg_var direction_features(lg_tape *tape, const double *goal, lg_var q) {
-    return q;
 }
 
 /* q/|q|: sensors give unit vectors only to rounding. */
@@ -173,7 +169,7 @@ static const motion motions[LG_POLICY_MOTION_COUNT + 1] = {
                              3,
                              direction_sine,
                              direction_cosine,
-                             direction_features,
+                             NULL,
                              direction_given,
                              direction_noisy,
                              direction_place},
@@ -349,8 +345,9 @@ lg_var lg_policy_record_features(lg_tape *tape, const lg_policy *p, const double
         const lg_policy_place *at = &p->layout.at[i];
         if (held(c)) {
             const lg_var q = lg_columns(tape, seen.q, at->position, m->sizes.position);
-            parts[n++] = m->cosine != NULL
-                             ? m->features_of(tape, c->goal, q)
+            parts[n++] = m->features_of != NULL ? m->features_of(tape, c->goal, q)
+                         : m->cosine != NULL
+                             ? q
                              : lg_scale(tape, from_goal(tape, c->goal, NULL, q), 1.0 / scales[at->error]);
         }
         if (moves(c))
