@@ -240,7 +240,6 @@ static void run(app *self) {
     lg_program *plant = values.plant != NULL ? other_plant(self, trained, &names) : NULL;
     APP_MUST(self,
              lg_policy_transplant(trained, plant, plant != NULL ? names.dead_time : NULL, &policy, &error));
-    lg_policy_destroy(trained);
     const size_t errors = lg_policy_regulator_of(policy)->errors;
     control_runs runs;
     const bool whole = values.out != NULL || app_plot_given.plot != NULL;
@@ -267,6 +266,7 @@ static void run(app *self) {
     }
     if (values.reference != NULL) follow(self, policy, values.reference, out);
     lg_policy_destroy(policy);
+    lg_policy_destroy(trained);
 }
 
 const app_command control_evaluate_command = {

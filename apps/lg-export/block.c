@@ -17,7 +17,7 @@ static bool add_variable(block *b, const char *name, const lg_port *like, causal
 }
 
 /* Finds the variable of a function's input: an earlier variable with this name, or a new one. Returns false
- * if the earlier one has another size, or if there are too many variables. */
+ * if the earlier one has another size, or if there are too many variables. Only FMUs have parameters. */
 static bool add_input(block *b, const lg_port *port, size_t *at) {
     for (size_t i = 0; i < b->count; i++) {
         const variable *v = &b->variables[i];
@@ -26,7 +26,7 @@ static bool add_input(block *b, const lg_port *port, size_t *at) {
             return v->count == lg_shape_count(port->shape);
         }
     }
-    return add_variable(b, port->name, port, port->shared ? PARAMETER : INPUT, at);
+    return add_variable(b, port->name, port, port->shared && b->derivatives ? PARAMETER : INPUT, at);
 }
 
 static void add_derivatives(block *b, part *p) {

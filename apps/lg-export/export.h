@@ -155,6 +155,7 @@ typedef struct export_source {
     double step; /* Time between two points of the training data; 0: unknown. */
     double stop; /* End time of the scene; 0: unknown. */
     bool single; /* True: the target chose single precision by itself. */
+    bool coarse; /* True: rounding may spoil a tenth of a result or more. */
     size_t file_count;
     export_file files[EXPORT_MOST_FILES];
 } export_source;
@@ -193,7 +194,10 @@ double export_round(const export_options *options, double value);
 double export_eps(const export_options *options); /* Machine epsilon of the exported type. */
 /* Euclidean norm of a - b (count numbers); b NULL: norm of a. */
 double export_norm(const double *a, const double *b, size_t count);
-/* Value of NAME_TOLERANCE: 20 eps depth condition. */
+/* No self-test accepts a larger error. export_bound_tolerance remembers in the source if one wanted to. */
+#define EXPORT_MOST_TOLERANCE 0.1
+double export_bound_tolerance(export_source *source, double tolerance);
+/* Value of NAME_TOLERANCE: 20 eps depth condition, at most EXPORT_MOST_TOLERANCE. */
 double export_tolerance(const export_source *source);
 /* Reads input_units and output_units from the attributes of /model in the file; "" for a missing
  * attribute. */
@@ -259,7 +263,7 @@ typedef struct export_evaluation {
     void *work;
     const lg_port *in, *out;
     size_t ins, outs;
-    bool single;
+    lg_dtype dtype;
 } export_evaluation;
 /* `most`: lg_plan_options.most_work; 0: its default. Returns the errors of lg_plan_create. */
 lg_status export_evaluation_open(const lg_program *program, size_t function, lg_dtype dtype, double most,

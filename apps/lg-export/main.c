@@ -282,11 +282,16 @@ static void report(const job *j) {
             APP_REAL("tolerance", export_tolerance(source), "of the self-test; make test runs it"));
 }
 
-/* Warns about numbers that become 0 or lose digits in single precision: otherwise the result would be wrong
- * without notice, for example when a guard against division by 0 becomes 0. */
+/* Warns about results that rounding spoils, and about numbers that become 0 or lose digits in single
+ * precision, for example a guard against division by 0. */
 static void warn_lost(const job *j) {
     const export_source *source = &j->source;
     const size_t lost = source->lost + source->weights.lost + source->code.lost;
+    if (source->coarse || (!source->bundle && !(export_tolerance(source) < EXPORT_MOST_TOLERANCE)))
+        app_warn(j->self,
+                 "%s: rounding may change results by a tenth of their size; then the self-test fails: "
+                 "export it with --dtype f64",
+                 j->options.file);
     if (lost > 0)
         app_warn(j->self,
                  "%s: %zu of the numbers are below 1.2e-38 and lose digits or become 0 in single precision: "

@@ -1,4 +1,5 @@
 /* Programs as C: the library writes the code; the golden vectors of every function are drawn here. */
+#include "core/numbers.h"
 #include "lg-export/export.h"
 
 #include <float.h>
@@ -43,7 +44,7 @@ lg_status export_evaluation_open(const lg_program *program, size_t function, lg_
     lg_plan_options_init(&options);
     options.dtype = dtype;
     if (most > 0) options.most_work = most;
-    *e = (export_evaluation){.single = dtype == LG_F32};
+    *e = (export_evaluation){.dtype = dtype};
     e->in = lg_program_inputs(program, function, &e->ins);
     e->out = lg_program_outputs(program, function, &e->outs);
     const lg_status status = lg_plan_create(program, function, &options, &e->plan, error);
@@ -56,28 +57,17 @@ void export_evaluation_close(export_evaluation *e) {
     free(e->work);
 }
 
-static void *to_type(bool single, const double *x, size_t count) {
-    void *out = app_alloc(count, single ? sizeof(float) : sizeof(double));
-    for (size_t i = 0; i < count; i++) {
-        if (single)
-            ((float *)out)[i] = (float)x[i];
-        else
-            ((double *)out)[i] = x[i];
-    }
-    return out;
-}
-
 void export_evaluate(const export_evaluation *e, const double *x, double *y) {
-    const size_t size = e->single ? sizeof(float) : sizeof(double);
+    const size_t size = e->dtype == LG_F32 ? sizeof(float) : sizeof(double);
     const size_t ins = export_numbers(e->in, e->ins), outs = export_numbers(e->out, e->outs);
     APP_FREE const void **in = app_alloc(e->ins, sizeof *in);
     APP_FREE void **out = app_alloc(e->outs, sizeof *out);
-    APP_FREE unsigned char *from = to_type(e->single, x, ins), *to = app_alloc(outs, size);
+    APP_FREE unsigned char *from = app_alloc(ins, size), *to = app_alloc(outs, size);
+    lg_put_numbers(e->dtype, from, 0, x, ins);
     for (size_t i = 0, at = 0; i < e->ins; at += lg_shape_count(e->in[i++].shape)) in[i] = from + at * size;
     for (size_t i = 0, at = 0; i < e->outs; at += lg_shape_count(e->out[i++].shape)) out[i] = to + at * size;
     lg_plan_eval(e->plan, in, out, e->work);
-    for (size_t i = 0; i < outs; i++)
-        y[i] = e->single ? (double)((float *)(void *)to)[i] : ((double *)(void *)to)[i];
+    lg_get_numbers(e->dtype, to, 0, y, outs);
 }
 
 /* ---- condition ---- */
@@ -240,8 +230,10 @@ static void add_function(job *j, size_t index, text *table, size_t *largest) {
     add_golden(j, name, "golden_y", y, golden * outs);
     add_run(j, &e, name);
     add_outputs(j, &e, name);
+    const double unit = 20 * export_eps(options) * (double)depth,
+                 condition = export_bound_tolerance(j->source, unit * j->condition) / unit;
     lg_text_add(table, "    {\"%s\", run_%s, %s_golden_x, %s_golden_y, %zu, %zu, %zu, %g, outputs_of_%s},\n",
-                name, name, name, name, ins, outs, depth, j->condition, name);
+                name, name, name, name, ins, outs, depth, condition, name);
     if (outs > *largest) *largest = outs;
     if (j->condition > j->source->condition) j->source->condition = j->condition;
     export_evaluation_close(&e);

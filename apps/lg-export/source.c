@@ -134,7 +134,13 @@ double export_norm(const double *a, const double *b, size_t count) {
 }
 
 double export_tolerance(const export_source *source) {
-    return 20 * export_eps(source->options) * (double)source->depth * source->condition;
+    const double own = 20 * export_eps(source->options) * (double)source->depth * source->condition;
+    return fmin(own, EXPORT_MOST_TOLERANCE);
+}
+
+double export_bound_tolerance(export_source *source, double tolerance) {
+    source->coarse = source->coarse || !(tolerance < EXPORT_MOST_TOLERANCE);
+    return fmin(tolerance, EXPORT_MOST_TOLERANCE);
 }
 
 static void read_units(const lg_archive_reader *archive, const char *name, char *units) {

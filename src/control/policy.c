@@ -58,12 +58,21 @@ static lg_status check_coordinate(const lg_policy_coordinate *c, lg_error *error
     return LG_OK;
 }
 
+/* The coordinates of the machine; behind them are those that the controller remembers. */
+static uint32_t count_own(const lg_policy_task *task) {
+    uint32_t n = 0;
+    while (n < LG_POLICY_COORDINATES && n < task->coordinate_count && task->coordinate[n].ago == 0 &&
+           task->coordinate[n].integrates == 0)
+        n++;
+    return n;
+}
+
 static lg_status check_gains(const lg_policy_task *t, lg_error *error) {
-    uint32_t errors = 0, remembered = 0;
+    const uint32_t remembered = t->coordinate_count - count_own(t);
+    uint32_t errors = 0;
     for (uint32_t i = 0; i < t->coordinate_count; i++) {
         const lg_policy_coordinate *c = &t->coordinate[i];
         errors += lg_policy_row_of(c)->errors + (c->velocity[0] != '\0' ? lg_policy_row_of(c)->rates : 0);
-        remembered += c->ago > 0 || c->integrates > 0;
     }
     const uint32_t wanted[LG_POLICY_KIND_COUNT] = {
         [LG_POLICY_LQR] = t->input_count * errors, [LG_POLICY_ENERGY] = 2};
@@ -369,8 +378,9 @@ static lg_status rebuild(lg_policy *p, const lg_policy *policy, const lg_program
                          const double *dead_time, purpose is, lg_error *error) {
     p->context = policy->context, p->task = policy->task;
     LG_TRY(lg_policy_prepare(p, error));
-    if (is == JUDGED) p->believes = policy;
-    lg_policy_lay_out_memory(p, dead_time != NULL ? dead_time : p->task.dead_time);
+    p->believes = is == JUDGED && policy->believes == NULL ? policy : policy->believes;
+    p->memory = policy->memory;
+    lg_policy_lay_out_memory(p, dead_time);
     LG_TRY(check_plant(p, plant, error));
     if (p->layout.velocities == 0 && p->state != p->layout.positions)
         return lg_fail(error, LG_UNSUPPORTED, "a plant without velocities has the dead times of the policy");
@@ -391,7 +401,6 @@ static lg_status rebuild(lg_policy *p, const lg_policy *policy, const lg_program
     if (is == DESIGN) return LG_OK;
     LG_TRY(lg_policy_check_shifts(p, false, 1, error));
     LG_TRY(lg_policy_add_regulated(p, error));
-    p->believes = NULL;
     return add_functions(p, error);
 }
 
@@ -572,6 +581,9 @@ lg_status lg_policy_add_draw(lg_policy *policy, lg_program *plant, lg_error *err
     if (!lg_policy_is_disturbed(&policy->task))
         return lg_fail(error, LG_INVALID_ARGUMENT, "the policy's task has no disturbances");
     LG_TRY(transplant(policy, plant, NULL, DRAWN, &drawn, error));
+    if (drawn->state != policy->state)
+        return lg_fail(error, LG_SHAPE, "the other machine has %u numbers as state, the policy's has %u",
+                       drawn->memory.plant, policy->memory.plant);
     const size_t count = policy->draw_count;
     lg_policy **draws = lg_widen(policy->context, policy->draws, count, count + 1, sizeof *draws);
     if (draws == NULL) return lg_no_memory(error);
@@ -583,13 +595,15 @@ lg_status lg_policy_add_draw(lg_policy *policy, lg_program *plant, lg_error *err
 lg_status lg_policy_disturb(lg_policy *policy, const lg_policy_task *by, lg_error *error) {
     LG_NEEDS(error, policy, by);
     lg_policy_task changed = policy->task;
-    if (by->coordinate_count != changed.coordinate_count)
-        return lg_fail(error, LG_SHAPE, "the task has %u coordinates, the policy %u", by->coordinate_count,
-                       changed.coordinate_count);
-    for (uint32_t i = 0; i < changed.coordinate_count; i++) {
-        changed.coordinate[i].noise = by->coordinate[i].noise;
-        changed.coordinate[i].noise_velocity = by->coordinate[i].noise_velocity;
+    const uint32_t count = count_own(&changed);
+    bool same = count == count_own(by);
+    for (uint32_t i = 0; same && i < count; i++) {
+        const lg_policy_coordinate *from = &by->coordinate[i];
+        lg_policy_coordinate *to = &changed.coordinate[i];
+        same = strcmp(from->name, to->name) == 0 && from->motion == to->motion;
+        to->noise = from->noise, to->noise_velocity = from->noise_velocity;
     }
+    if (!same) return lg_fail(error, LG_SHAPE, "the coordinates of the task are not those of the policy");
     changed.delay = by->delay, changed.draws = by->draws, changed.spread = by->spread;
     LG_TRY(check_task(&changed, error));
     policy->task = changed;

@@ -2,6 +2,8 @@
 #ifndef LG_CONTROL_POLICY_H
 #define LG_CONTROL_POLICY_H
 
+#include <math.h>
+
 #include "core/clean.h"
 #include "liegrad/networks.h"
 #include "liegrad/policy.h"
@@ -44,15 +46,18 @@ lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy *p, lg_var give
 /* Record the position and velocity at the errors z from the goal: a rotation turns by the vector z. */
 lg_policy_seen lg_policy_record_place(lg_tape *tape, const lg_policy *p, lg_var z);
 /* Sensors' noise. noise (B, n) has numbers for the positions, then for the velocities, 3 for a direction or
- * rotation: it turns by that vector, to first order. The standard deviations go to `sizes` (NULL: only n is
- * wanted). */
+ * rotation: it turns by that vector, a direction to first order. The standard deviations go to `sizes` (NULL:
+ * only n is wanted). */
 enum { LG_POLICY_NOISE = 6 * LG_POLICY_COORDINATES };
 uint32_t lg_policy_noise_sizes(const lg_policy_task *task, double *sizes);
 lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var noise);
 /* Draws the errors of a start. */
 void lg_policy_draw(const lg_policy *p, lg_rng *rng, double *z);
-/* The angle or distance from the goal, and whether errors are inside the bounds of success. */
-bool lg_policy_inside(const lg_policy *p, const double *z);
+static inline double lg_policy_reach(const double *range) {
+    return fmax(fabs(range[0]), fabs(range[1]));
+}
+/* Whether positions q with the errors z are inside the bounds of success. Opposite to the goal z is 0 too. */
+bool lg_policy_inside(const lg_policy *p, const double *q, const double *z);
 
 /* ---- the policy ---- */
 
@@ -74,8 +79,9 @@ struct lg_policy {
     lg_program *program;
     uint32_t state, inputs; /* numbers in x and u */
     lg_policy_memory memory;
-    lg_policy *warm;           /* on the plant with soft friction, where training begins; NULL: none */
-    const lg_policy *believes; /* while a transplanted policy is made: whose lags the controller computes */
+    lg_policy *warm; /* on the plant with soft friction, where training begins; NULL: none */
+    const lg_policy
+        *believes; /* of a transplanted policy and its draws: whose lags the controller computes */
     lg_policy_regulator regulator;
     double scale[LG_POLICY_ERRORS]; /* of the features of a network, by error */
     double G[LG_POLICY_INPUTS *
@@ -89,6 +95,9 @@ struct lg_policy {
     size_t draw_count;
 };
 
+static inline double lg_policy_half_range(const lg_policy *p, uint32_t input) {
+    return 0.5 * (p->task.input[input].high - p->task.input[input].low);
+}
 static inline bool lg_policy_has(const lg_policy *p, const char *function) {
     size_t number;
     return lg_program_find(p->program, function, &number, NULL) == LG_OK;
@@ -110,7 +119,7 @@ lg_status lg_policy_take(lg_policy *policy, const double *theta);
 
 /* Adds the coordinates of past inputs and integrals to the task. */
 lg_status lg_policy_extend_task(lg_policy_task *task, lg_error *error);
-/* Lays out the memory for a plant whose inputs act `dead_time` seconds late. */
+/* Lays out the memory for a plant whose inputs act `dead_time` seconds late; NULL: as late as before. */
 void lg_policy_lay_out_memory(lg_policy *policy, const double *dead_time);
 /* Replaces the names of the plant's functions step, momenta, positions, velocities and value, if there is a
  * memory; lg_policy_add_memory then adds functions of these names for states with a memory. */

@@ -13,10 +13,10 @@ typedef struct motion {
     uint32_t features;
     /* q is (B, position). `sine` are the errors times cos(a/2) with the angle a from the goal; without
      * `cosine` they are the errors. The cost is 2 (1 - cos a), or the square. A row whose position has no
-     * errors has no sine and features_of. */
+     * errors has no sine. */
     lg_var (*sine)(lg_tape *tape, const double *goal, const double *basis, lg_var q);
-    lg_var (*cosine)(lg_tape *tape, const double *goal, lg_var q); /* cos a (B, 1); NULL: a line */
-    lg_var (*features_of)(lg_tape *tape, const double *goal, lg_var q);
+    lg_var (*cosine)(lg_tape *tape, const double *goal, lg_var q);      /* cos a (B, 1); NULL: a line */
+    lg_var (*features_of)(lg_tape *tape, const double *goal, lg_var q); /* NULL: errors of a line, or q */
     lg_var (*given)(lg_tape *tape, lg_var q); /* position from the controller's; NULL: the same numbers */
     lg_var (*noisy)(lg_tape *tape, lg_var q, lg_var n); /* q with the noise n */
     lg_var (*place)(lg_tape *tape, const double *goal, const double *basis, lg_var z); /* q from errors */
@@ -32,10 +32,6 @@ lg_var lg_policy_filled(lg_tape *tape, lg_var x, uint32_t n, double value) {
 
 static lg_var from_goal(lg_tape *tape, const double *goal, const double *basis, lg_var q) {
     return lg_add_scalar(tape, q, -goal[0]);
-}
-
-static lg_var line_features(lg_tape *tape, const double *goal, lg_var q) {
-    return from_goal(tape, goal, NULL, q);
 }
 
 static lg_var line_place(lg_tape *tape, const double *goal, const double *basis, lg_var z) {
@@ -73,12 +69,13 @@ static lg_var direction_cosine(lg_tape *tape, const double *goal, lg_var q) {
     return lg_matmul(tape, q, lg_input_f64(tape, lg_shape2(3, 1), goal));
 }
 
-static lg_var direction_features(lg_tape *tape, const double *goal, lg_var q) {
-    return q;
+/* q/|q|: sensors give unit vectors only to rounding. */
+static lg_var direction_given(lg_tape *tape, lg_var q) {
+    return lg_div(tape, q, lg_sqrt(tape, lg_rownorm2(tape, q)));
 }
 
 static lg_var direction_noisy(lg_tape *tape, lg_var q, lg_var n) {
-    return lg_add(tape, q, lg_cross(tape, n, q));
+    return direction_given(tape, lg_add(tape, q, lg_cross(tape, n, q)));
 }
 
 static lg_var along(lg_tape *tape, const double *basis, lg_var z) {
@@ -114,33 +111,32 @@ static lg_var rotation_cosine(lg_tape *tape, const double *goal, lg_var q) {
     return lg_add_scalar(tape, lg_scale(tape, trace, 0.5), -0.5);
 }
 
-static lg_var rotation_features(lg_tape *tape, const double *goal, lg_var q) {
-    return turned(tape, goal, q);
-}
-
-/* R + R hat(n): row i is r_i + r_i x n. */
-static lg_var rotation_noisy(lg_tape *tape, lg_var q, lg_var n) {
+/* R exp(z) - R, rows t_i = r_i x z given: row i is c_1 t_i + c_2 t_i x z with Stumpff functions of |z|^2. */
+static lg_var turn_by(lg_tape *tape, const lg_var *t, lg_var z) {
+    const lg_var c = lg_stumpff_functions(tape, lg_rownorm2(tape, z), 2);
     lg_var rows[3];
-    for (uint32_t i = 0; i < 3; i++) rows[i] = lg_cross(tape, lg_slice(tape, q, 1, 3 * i, 3), n);
-    return lg_add(tape, q, lg_concat(tape, rows, 3, 1));
+    for (uint32_t i = 0; i < 3; i++)
+        rows[i] = lg_add(tape, lg_mul(tape, t[i], lg_slice(tape, c, 1, 1, 1)),
+                         lg_mul(tape, lg_cross(tape, t[i], z), lg_slice(tape, c, 1, 2, 1)));
+    return lg_concat(tape, rows, 3, 1);
 }
 
-/* goal exp(z): row i is g_i + c_1 g_i x z + c_2 (g_i x z) x z with Stumpff functions of |z|^2. */
+static lg_var rotation_noisy(lg_tape *tape, lg_var q, lg_var n) {
+    lg_var t[3];
+    for (uint32_t i = 0; i < 3; i++) t[i] = lg_cross(tape, lg_slice(tape, q, 1, 3 * i, 3), n);
+    return lg_add(tape, q, turn_by(tape, t, n));
+}
+
 static lg_var rotation_place(lg_tape *tape, const double *goal, const double *basis, lg_var z) {
     static const double hat[9][3] = {{0},        {0, 0, -1}, {0, 1, 0}, {0, 0, 1}, {0},
                                      {-1, 0, 0}, {0, -1, 0}, {1, 0, 0}, {0}};
-    const lg_var c = lg_stumpff_functions(tape, lg_rownorm2(tape, z), 2);
     double T[27] = {0};
-    lg_var rows[3];
+    lg_var t[3];
     for (int i = 0; i < 27; i++)
         for (int k = 0; k < 3; k++) T[i] += goal[i / 9 * 3 + k] * hat[3 * k + i / 3 % 3][i % 3];
     const lg_var first = lg_matmul_nt(tape, z, lg_input_f64(tape, lg_shape2(9, 3), T));
-    for (uint32_t i = 0; i < 3; i++) {
-        const lg_var once = lg_slice(tape, first, 1, 3 * i, 3), twice = lg_cross(tape, once, z);
-        rows[i] = lg_add(tape, lg_mul(tape, once, lg_slice(tape, c, 1, 1, 1)),
-                         lg_mul(tape, twice, lg_slice(tape, c, 1, 2, 1)));
-    }
-    return lg_add(tape, lg_concat(tape, rows, 3, 1), lg_input_f64(tape, lg_shape2(1, 9), goal));
+    for (uint32_t i = 0; i < 3; i++) t[i] = lg_slice(tape, first, 1, 3 * i, 3);
+    return lg_add(tape, turn_by(tape, t, z), lg_input_f64(tape, lg_shape2(1, 9), goal));
 }
 
 /* R from a quaternion w x y z of any length but 0: products of two numbers of it, then a linear map. */
@@ -166,23 +162,22 @@ static lg_var rotation_given(lg_tape *tape, lg_var q) {
 enum { FREE = LG_POLICY_MOTION_COUNT };
 
 static const motion motions[LG_POLICY_MOTION_COUNT + 1] = {
-    [LG_POLICY_LINE] =
-        {{"line", 1, 1, 1, 1, 1}, 1, from_goal, NULL, line_features, NULL, line_noisy, line_place},
+    [LG_POLICY_LINE] = {{"line", 1, 1, 1, 1, 1}, 1, from_goal, NULL, NULL, NULL, line_noisy, line_place},
     [LG_POLICY_ANGLE] =
         {{"angle", 1, 1, 1, 1, 1}, 2, angle_sine, angle_cosine, angle_features, NULL, line_noisy, line_place},
     [LG_POLICY_DIRECTION] = {{"direction", 3, 3, 3, 2, 2},
                              3,
                              direction_sine,
                              direction_cosine,
-                             direction_features,
                              NULL,
+                             direction_given,
                              direction_noisy,
                              direction_place},
     [LG_POLICY_ROTATION] = {{"rotation", 9, 4, 3, 3, 3},
                             9,
                             rotation_sine,
                             rotation_cosine,
-                            rotation_features,
+                            turned,
                             rotation_given,
                             rotation_noisy,
                             rotation_place},
@@ -349,10 +344,11 @@ lg_var lg_policy_record_features(lg_tape *tape, const lg_policy *p, const double
         const motion *m = motion_of(c);
         const lg_policy_place *at = &p->layout.at[i];
         if (held(c)) {
-            parts[n] =
-                m->features_of(tape, c->goal, lg_columns(tape, seen.q, at->position, m->sizes.position));
-            if (m->cosine == NULL) parts[n] = lg_scale(tape, parts[n], 1.0 / scales[at->error]);
-            n++;
+            const lg_var q = lg_columns(tape, seen.q, at->position, m->sizes.position);
+            parts[n++] = m->features_of != NULL ? m->features_of(tape, c->goal, q)
+                         : m->cosine != NULL
+                             ? q
+                             : lg_scale(tape, from_goal(tape, c->goal, NULL, q), 1.0 / scales[at->error]);
         }
         if (moves(c))
             parts[n++] = lg_scale(tape, lg_columns(tape, seen.v, at->velocity, m->sizes.velocity),
@@ -437,7 +433,15 @@ void lg_policy_draw(const lg_policy *p, lg_rng *rng, double *z) {
     }
 }
 
-bool lg_policy_inside(const lg_policy *p, const double *z) {
+/* What `cosine` records, of one position. */
+static double cosine_at(const lg_policy_coordinate *c, const double *q) {
+    double product = 0.0;
+    if (c->motion == LG_POLICY_ANGLE) return cos(q[0] - c->goal[0]);
+    for (uint32_t k = 0; k < lg_policy_row_of(c)->position; k++) product += c->goal[k] * q[k];
+    return c->motion == LG_POLICY_ROTATION ? 0.5 * (product - 1.0) : product;
+}
+
+bool lg_policy_inside(const lg_policy *p, const double *q, const double *z) {
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
         const lg_policy_motion_row *sizes = lg_policy_row_of(c);
@@ -445,7 +449,10 @@ bool lg_policy_inside(const lg_policy *p, const double *z) {
         for (uint32_t k = 0; k < sizes->errors; k++) far = hypot(far, z[p->layout.at[i].error + k]);
         for (uint32_t k = 0; moves(c) && k < sizes->rates; k++)
             fast = hypot(fast, z[p->layout.at[i].rate + k]);
-        if (motion_of(c)->cosine != NULL) far = 2.0 * asin(fmin(far / 2.0, 1.0));
+        if (motion_of(c)->cosine != NULL) { /* errors are exact near the goal, cosines far from it */
+            const double cosine = cosine_at(c, q + p->layout.at[i].position);
+            far = cosine > 0.0 ? 2.0 * asin(fmin(far / 2.0, 1.0)) : acos(fmax(cosine, -1.0));
+        }
         if (!(far < c->success) || !(fast < c->success_velocity)) return false;
     }
     return true;

@@ -76,7 +76,8 @@ static void take_best(search *s) {
 /* The policy's run, the regulator's, that of no input, and random corrections of these in the first half. */
 static void guess(search *s, uint64_t seed) {
     const lg_policy *p = s->policy;
-    const size_t m = p->inputs, part = s->steps / 16 + 1;
+    const size_t part = s->steps / 16 + 1;
+    const uint32_t m = p->inputs;
     lg_rng rng;
     lg_rng_seed(&rng, seed, 1);
     for (size_t r = 0; r < s->rows; r++) {
@@ -84,10 +85,9 @@ static void guess(search *s, uint64_t seed) {
         const size_t kind = r % GUESSES % 3;
         if (kind < 2) s->how[r * HOW + kind] = 1.0;
         for (size_t i = 0; i < s->n; i++) {
-            const lg_policy_input *in = &p->task.input[i % m];
             if (r % GUESSES >= 3 && i / m % part == 0)
                 drawn[i % m] = i / m < 8 * part ? lg_rng_uniform_in(&rng, -1.0, 1.0) : 0.0;
-            y[i] = drawn[i % m] + (kind < 2 ? 0.0 : p->regulator.u0[i % m] / (0.5 * (in->high - in->low)));
+            y[i] = drawn[i % m] + (kind < 2 ? 0.0 : p->regulator.u0[i % m] / lg_policy_half_range(p, i % m));
         }
     }
 }

@@ -53,6 +53,7 @@ lg_status lg_policy_extend_task(lg_policy_task *task, lg_error *error) {
 
 void lg_policy_lay_out_memory(lg_policy *p, const double *dead_time) {
     lg_policy_memory *m = &p->memory;
+    const lg_policy_memory before = *m;
     *m = (lg_policy_memory){.positions = p->layout.positions};
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
@@ -62,7 +63,7 @@ void lg_policy_lay_out_memory(lg_policy *p, const double *dead_time) {
         m->positions -= c->ago > 0 || c->integrates > 0;
     }
     for (uint32_t l = 0; l < p->inputs; l++) {
-        m->late[l] = periods_of(&p->task, dead_time[l]);
+        m->late[l] = dead_time != NULL ? periods_of(&p->task, dead_time[l]) : before.late[l];
         const uint32_t needed = (uint32_t)ceil(m->late[l]);
         m->line[l] = needed > m->known[l] ? needed : m->known[l];
         m->lines += m->line[l];
@@ -267,13 +268,9 @@ static lg_var lag_after(lg_tape *tape, const lg_policy *p, lg_var a, lg_var u, d
     const uint32_t n = p->memory.lags, m = p->inputs;
     double start[MOST * LG_POLICY_COORDINATES] = {0}, input[MOST * LG_POLICY_INPUTS] = {0}, h[MOST],
                         map[MOST * LG_POLICY_COORDINATES];
-    for (uint32_t i = 0; i < n + m; i++) {
-        h[i] = seconds;
-        if (i < n)
-            start[i * n + i] = 1.0;
-        else
-            input[i * m + i - n] = 1.0;
-    }
+    for (uint32_t i = 0; i < n + m; i++) h[i] = seconds;
+    for (uint32_t i = 0; i < n; i++) start[i * n + i] = 1.0;
+    for (uint32_t l = 0; l < m; l++) input[(n + l) * m + l] = 1.0;
     if (lg_program_eval(own->context, own->program, "lag", n + m, (const double *const[]){start, input, h},
                         (double *const[]){map}, NULL) != LG_OK)
         return LG_NONE;

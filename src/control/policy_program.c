@@ -136,7 +136,7 @@ static lg_var limited(lg_tape *tape, const lg_policy *p, lg_var y) {
     double centre[LG_POLICY_INPUTS], half[LG_POLICY_INPUTS];
     for (uint32_t l = 0; l < p->inputs; l++) {
         const lg_policy_input *in = &p->task.input[l];
-        centre[l] = 0.5 * (in->high + in->low), half[l] = 0.5 * (in->high - in->low);
+        centre[l] = 0.5 * (in->high + in->low), half[l] = lg_policy_half_range(p, l);
     }
     const lg_var u = lg_mul(tape, lg_act(tape, y, LG_TANH), row_of(tape, half, p->inputs));
     return lg_add(tape, u, row_of(tape, centre, p->inputs));
@@ -265,7 +265,7 @@ static lg_status record_planned(void *user, lg_tape *tape, const lg_var *theta, 
     double half[LG_POLICY_INPUTS];
     lg_var by[LG_POLICY_PLANNED];
     for (uint32_t i = 0; i < LG_POLICY_PLANNED; i++) by[i] = lg_slice(tape, in[2], 1, i, 1);
-    for (uint32_t l = 0; l < m; l++) half[l] = 0.5 * (p->task.input[l].high - p->task.input[l].low);
+    for (uint32_t l = 0; l < m; l++) half[l] = lg_policy_half_range(p, l);
     const lg_var size = row_of(tape, half, m),
                  K = lg_input_f64(tape, lg_shape2(m, p->layout.errors), p->regulator.K),
                  own =

@@ -26,10 +26,6 @@ typedef struct design {
 
 enum { SAMPLES = 128 };
 
-static double half_range(const lg_policy *p, uint32_t l) {
-    return 0.5 * (p->task.input[l].high - p->task.input[l].low);
-}
-
 /* ---- the equilibrium ---- */
 
 /* Computes A, B and `rest` at the goal, where the lagged inputs equal u. `change` becomes the change of z in
@@ -148,10 +144,9 @@ static lg_status find_equilibrium(design *d) {
 void lg_policy_find_sizes(const lg_policy *p, double *sizes) {
     for (uint32_t i = 0; i < p->layout.errors; i++) {
         const lg_policy_coordinate *c = owner_of(p, i);
-        const double far = fmax(fabs(c->start[0]), fabs(c->start[1])),
-                     fast = fmax(fabs(c->start_velocity[0]), fabs(c->start_velocity[1]));
+        const double far = lg_policy_reach(c->start), fast = lg_policy_reach(c->start_velocity);
         const double size = far > 0                ? far
-                            : c->follows > 0       ? half_range(p, c->follows - 1)
+                            : c->follows > 0       ? lg_policy_half_range(p, c->follows - 1)
                             : isfinite(c->success) ? c->success
                                                    : 1.0,
                      rate = fast > 0                        ? fast
@@ -187,9 +182,9 @@ static void fill_weights(const design *d, const weights *w, double *Q, double *R
         Q[i * (d->n + 1)] = (is_rate(p, i) ? of_rate : factor) * unit;
     }
     for (uint32_t l = 0; l < d->m; l++)
-        R[l * (d->m + 1)] =
-            w != NULL ? w->input
-                      : p->task.input[l].weight * half_range(d->policy, l) * half_range(d->policy, l);
+        R[l * (d->m + 1)] = w != NULL ? w->input
+                                      : p->task.input[l].weight * lg_policy_half_range(d->policy, l) *
+                                            lg_policy_half_range(d->policy, l);
 }
 
 /* The equation of scaled errors and inputs is solved, so that units do not matter; K and P are in the
@@ -206,13 +201,13 @@ static lg_status solve(const design *d, const weights *w, double *K, double *P, 
     for (uint32_t i = 0; i < n; i++) {
         for (uint32_t j = 0; j < n; j++) A[i * n + j] = d->A[i * n + j] * d->size[j] / d->size[i];
         for (uint32_t l = 0; l < m; l++)
-            B[i * m + l] = d->B[i * m + l] * half_range(d->policy, l) / d->size[i];
+            B[i * m + l] = d->B[i * m + l] * lg_policy_half_range(d->policy, l) / d->size[i];
     }
     fill_weights(d, w, Q, R);
     const lg_riccati equation = {sizeof equation, n, m, A, B, Q, R, NULL};
     LG_TRY(lg_dare(&equation, P, K, NULL, &result, work, bytes, error));
     for (uint32_t i = 0; i < n; i++) {
-        for (uint32_t l = 0; l < m; l++) K[l * n + i] *= half_range(d->policy, l) / d->size[i];
+        for (uint32_t l = 0; l < m; l++) K[l * n + i] *= lg_policy_half_range(d->policy, l) / d->size[i];
         for (uint32_t j = 0; j < n; j++) P[i * n + j] /= d->size[i] * d->size[j];
     }
     *radius = 1.0 - result.margin;
@@ -506,10 +501,10 @@ static lg_status input_rates(const design *d, const lg_policy *p, double *out) {
     for (uint32_t r = 0; r < rows; r++) {
         h[r] = step;
         for (uint32_t l = 0; l < d->m; l++)
-            u[r * d->m + l] = p->regulator.u0[l] + (r == l + 1 ? half_range(d->policy, l) : 0.0);
+            u[r * d->m + l] = p->regulator.u0[l] + (r == l + 1 ? lg_policy_half_range(d->policy, l) : 0.0);
         for (uint32_t i = 0; i < p->task.coordinate_count; i++)
             if (r > 0 && p->task.coordinate[i].follows == r)
-                z[r * n + p->layout.at[i].error] = half_range(p, r - 1);
+                z[r * n + p->layout.at[i].error] = lg_policy_half_range(p, r - 1);
     }
     LG_TRY(lg_policy_states(p, z, rows, x, d->error));
     LG_TRY(lg_program_eval(p->context, p->program, "step", rows, (const double *const[]){x, u, h},
@@ -518,7 +513,8 @@ static lg_status input_rates(const design *d, const lg_policy *p, double *out) {
                            (double *const[]){after}, d->error));
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t l = 0; l < d->m; l++)
-            out[i * d->m + l] = (after[(l + 1) * n + i] - after[i]) / (half_range(d->policy, l) * step);
+            out[i * d->m + l] =
+                (after[(l + 1) * n + i] - after[i]) / (lg_policy_half_range(d->policy, l) * step);
     return LG_OK;
 }
 
@@ -574,7 +570,8 @@ static lg_status begin_compensation(const design *d) {
                          K = p->regulator.K[l * n + p->layout.at[i].error];
             if (isfinite(bound)) square += K * K * bound * bound;
         }
-        const double half = half_range(p, l), part = most < n ? 1.0 - a[most * m + l] / s[most * m + l] : 0.0;
+        const double half = lg_policy_half_range(p, l),
+                     part = most < n ? 1.0 - a[most * m + l] / s[most * m + l] : 0.0;
         p->first[l] = log(half * fmin(fmax(part, 1e-3), 1.0));
         p->first[m + l] = log(fmin(fmax(0.5 * sqrt(square), 1e-3 * half), half));
     }

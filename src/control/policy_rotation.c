@@ -18,8 +18,7 @@ static lg_status look(const lg_policy *p, const double *q, double speed, double 
     for (uint32_t k = 0; k < n; k++) v[(1 + k) * n + k] = speed;
     for (uint32_t l = 0; l < m; l++)
         u[(1 + n + l) * m + l] = part * (p->task.input[l].high - p->task.input[l].low);
-    LG_TRY(lg_program_eval(p->context, p->program, "momenta", rows, (const double *const[]){at, v},
-                           (double *const[]){x}, error));
+    LG_TRY(lg_policy_states_at(p, at, v, rows, x, error));
     LG_TRY(lg_program_eval(p->context, p->program, "field", rows, (const double *const[]){x, u},
                            (double *const[]){rate}, error));
     for (uint32_t i = 0; i < n; i++) {
@@ -47,17 +46,12 @@ static bool same(size_t count, const double *a, const double *b, double size) {
 
 /* Place k: rotations all around; angles over a turn; lines around the starts. */
 static void place(const lg_policy_coordinate *c, int k, lg_rng *rng, double *q) {
-    const double far =
-        c->motion == LG_POLICY_ANGLE ? 3.0 : fmax(fmax(fabs(c->start[0]), fabs(c->start[1])), 0.1);
-    double turn[TURN], by[ROTATION];
+    const double far = c->motion == LG_POLICY_ANGLE ? 3.0 : fmax(lg_policy_reach(c->start), 0.1);
+    double turn[TURN];
     q[0] = c->goal[0] + 0.25 * (k - 4) * far;
     if (c->motion != LG_POLICY_ROTATION) return;
     for (int i = 0; i < TURN; i++) turn[i] = lg_rng_uniform_in(rng, -3, 3);
-    lg_so3_exp(turn, by);
-    for (int i = 0; i < ROTATION; i++) {
-        q[i] = 0;
-        for (int j = 0; j < TURN; j++) q[i] += c->goal[i / 3 * 3 + j] * by[3 * j + i % 3];
-    }
+    lg_so3_exp_multiply(turn, c->goal, q);
 }
 
 lg_status lg_policy_needs_energy(const lg_policy *p, lg_error *error) {
@@ -70,7 +64,7 @@ lg_status lg_policy_needs_energy(const lg_policy *p, lg_error *error) {
 lg_status lg_policy_probe(const lg_policy *p, lg_policy_body *first, lg_error *error) {
     static const double speeds[] = {1, -1, 0.1, -3, 10, -10}, inputs[] = {1, -1, 0.3, 0.1, -0.3, 0.5};
     const lg_policy_coordinate *c = &p->task.coordinate[0];
-    const double fast = fmax(fmax(fabs(c->start_velocity[0]), fabs(c->start_velocity[1])), 0.1),
+    const double fast = fmax(lg_policy_reach(c->start_velocity), 0.1),
                  range = p->task.input[0].high - p->task.input[0].low;
     const size_t n = p->layout.velocities, m = p->inputs;
     double q[ROTATION];
@@ -113,7 +107,7 @@ static lg_status check(const lg_policy *p, lg_error *error) {
         return lg_fail(error, LG_UNSUPPORTED,
                        "the energy of rotations is certified for one rotation and no other state");
     for (uint32_t l = 0; l < p->inputs; l++) {
-        const double half = 0.5 * (p->task.input[l].high - p->task.input[l].low);
+        const double half = lg_policy_half_range(p, l);
         if (fabs(p->regulator.u0[l]) > 1e-9 * half)
             return lg_fail(error, LG_UNSUPPORTED,
                            "the goal needs the input %s to be %.4g; the energy needs 0",

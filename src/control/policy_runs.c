@@ -75,7 +75,7 @@ void lg_policy_draw_noise(const lg_policy *p, uint64_t seed, uint64_t piece, siz
         noise[i] = sizes[i % n] > 0.0 ? sizes[i % n] * lg_rng_normal(&rng) : 0.0;
 }
 
-enum { STEP, ERRORS, PLANS };
+enum { STEP, ERRORS, POSITIONS, PLANS }; /* POSITIONS: of a plant with velocities */
 
 typedef struct running {
     const lg_policy *policy;
@@ -88,8 +88,8 @@ typedef struct running {
     size_t piece_bytes;
 } running;
 
-/* The work memory of a piece: states x, the input before, what a step takes and gives (width), errors, costs,
- * inputs, disturbances, and the plans' memory. */
+/* The work memory of a piece: states x, the input before, what a step takes and gives (width), errors and
+ * behind them positions, costs, inputs, disturbances, and the plans' memory. */
 typedef struct piece {
     double *x, *before, *state, *next, *z, *cost, *u, *noise, *late;
     void *work;
@@ -99,9 +99,8 @@ static size_t lay_out(const running *r, char *memory, piece *out) {
     const lg_policy *p = r->policy;
     double **const arrays[] = {&out->x,    &out->before, &out->state, &out->next, &out->z,
                                &out->cost, &out->u,      &out->noise, &out->late};
-    const size_t counts[] = {
-        p->state, p->inputs, r->width, r->width, p->layout.errors, 1, p->inputs, r->runs->steps * r->noise,
-        1};
+    const size_t noise = r->runs->steps * r->noise, z = p->layout.errors + p->layout.positions,
+                 counts[] = {p->state, p->inputs, r->width, r->width, z, 1, p->inputs, noise, 1};
     lg_portions from = {memory, 0};
     for (size_t i = 0; i < LG_COUNT(arrays); i++)
         *arrays[i] = lg_portion(&from, ROWS * counts[i], sizeof(double));
@@ -121,11 +120,12 @@ bool lg_policy_at_limit(const lg_policy *p, const double *u) {
 static void note(const running *r, const piece *w, size_t first, size_t count, size_t k) {
     const lg_policy *p = r->policy;
     lg_policy_runs *runs = r->runs;
-    const size_t n = p->layout.errors;
+    const size_t n = p->layout.errors, positions = p->layout.positions;
+    const double *q = r->plans.count > POSITIONS ? w->z + ROWS * n : w->x;
     for (size_t i = 0; i < count; i++) {
         if (runs->path != NULL)
             memcpy(runs->path + (k * runs->count + first + i) * n, w->z + i * n, n * sizeof *w->z);
-        if (k + r->hold > runs->steps && !lg_policy_inside(p, w->z + i * n))
+        if (k + r->hold > runs->steps && !lg_policy_inside(p, q + i * positions, w->z + i * n))
             runs->succeeded[first + i] = false;
     }
 }
@@ -183,7 +183,7 @@ static void run_piece(void *user, size_t index) {
     const lg_policy *p = r->policy;
     lg_policy_runs *runs = r->runs;
     const size_t first = index * ROWS, left = runs->count - first, count = left < ROWS ? left : ROWS;
-    lg_plan *const *plan = r->plans.plan + index % r->plans.machines * PLANS;
+    lg_plan *const *plan = r->plans.plan + index % r->plans.machines * r->plans.count;
     piece w = {0};
     (void)lay_out(r, r->memory + index * r->piece_bytes, &w);
     begin(r, index, count, &w);
@@ -192,6 +192,9 @@ static void run_piece(void *user, size_t index) {
             memcpy(runs->motion + (k * runs->count + first) * p->state, w.x, count * p->state * sizeof *w.x);
         if (runs->path != NULL || k + r->hold > runs->steps) {
             lg_plan_eval(plan[ERRORS], (const void *[]){w.x}, (void *[]){w.z}, w.work);
+            if (r->plans.count > POSITIONS)
+                lg_plan_eval(plan[POSITIONS], (const void *[]){w.x},
+                             (void *[]){w.z + ROWS * p->layout.errors}, w.work);
             note(r, &w, first, count, k);
         }
         if (k == runs->steps) break;
@@ -218,12 +221,13 @@ static void run_all(running *r, lg_thread_pool *pool) {
 lg_status lg_policy_run(const lg_policy *p, const lg_policy_trial *trial, lg_policy_runs *runs,
                         lg_error *error) {
     static const char *const steps[2][2] = {{"closed", "regulated"}, {"disturbed", "disturbed_regulator"}};
-    const char *const names[PLANS] = {steps[trial->disturbed][trial->gain != NULL], "errors"};
+    const char *const names[PLANS] = {steps[trial->disturbed][trial->gain != NULL], "errors", "positions"};
+    const size_t functions = p->layout.velocities > 0 ? PLANS : POSITIONS;
     running r = {.policy = p, .trial = trial, .runs = runs, .width = p->state};
     LG_CLEAN(lg_policy_plans_destroy) lg_policy_plans plans;
     LG_CLEAN(lg_thread_pool_destroy_at) lg_thread_pool *pool = NULL;
     if (trial->disturbed) r.width += p->inputs, r.noise = lg_policy_noise_sizes(&p->task, NULL);
-    LG_TRY(lg_policy_plans_create(p, trial->disturbed, names, PLANS, LG_F64, ROWS, &plans, error));
+    LG_TRY(lg_policy_plans_create(p, trial->disturbed, names, functions, LG_F64, ROWS, &plans, error));
     LG_TRY(lg_thread_pool_create(p->context, trial->threads, &pool));
     r.plans = plans;
     r.pieces = (runs->count + ROWS - 1) / ROWS;

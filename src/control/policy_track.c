@@ -58,8 +58,7 @@ static bool alike(uint32_t n, const double *a, const double *b, const double *c,
 
 /* How far a coordinate is shifted: beyond its starts, or as far as it goes in a run. */
 static double shift_of(const lg_policy_task *task, const lg_policy_coordinate *c) {
-    const double far = fmax(fabs(c->start[0]), fabs(c->start[1])),
-                 fast = fmax(fabs(c->start_velocity[0]), fabs(c->start_velocity[1]));
+    const double far = lg_policy_reach(c->start), fast = lg_policy_reach(c->start_velocity);
     if (c->motion == LG_POLICY_ANGLE) return 1.0;
     if (far > 0.0) return 4.0 * far;
     if (isfinite(c->success)) return 10.0 * c->success;

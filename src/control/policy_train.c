@@ -208,12 +208,10 @@ static void order_racers(training *t, judged *found) {
             if (leads(found[k], found[best])) best = k;
         if (best == i) continue;
         double *const arrays[] = {t->theta, t->m, t->v};
-        for (size_t a = 0; a < LG_COUNT(arrays); a++)
-            for (size_t j = 0; j < t->n; j++) {
-                const double kept = arrays[a][i * t->n + j];
-                arrays[a][i * t->n + j] = arrays[a][best * t->n + j];
-                arrays[a][best * t->n + j] = kept;
-            }
+        for (size_t a = 0; a < LG_COUNT(arrays); a++) {
+            double *x = arrays[a] + i * t->n, *y = arrays[a] + best * t->n;
+            for (size_t j = 0; j < t->n; j++) t->gradient[j] = x[j], x[j] = y[j], y[j] = t->gradient[j];
+        }
         const judged kept = found[i];
         const uint64_t number = t->number[i];
         found[i] = found[best], found[best] = kept;
@@ -429,19 +427,20 @@ static uint64_t mixed(uint64_t hash, const void *data, size_t bytes) {
 }
 
 /* A hash of METHOD, the rate of Adam, the validation starts (states of the plant), the bounds of success, the
- * regulator and the terminal cost. It changes with the task, the plant and the version of training. */
+ * disturbances, the regulator and the terminal cost. It changes with the task, the plant and the version. */
 static uint64_t fingerprint(const training *t) {
     const lg_policy *p = t->policy;
     const lg_policy_regulator *r = &p->regulator;
     const size_t n = r->errors, m = r->inputs;
-    const double numbers[] = {METHOD,         t->options.lr, p->task.gate, p->task.hold,
-                              p->task.within, r->c,          p->terminal};
+    const double numbers[] = {METHOD, t->options.lr, p->task.gate,  p->task.hold,          p->task.within,
+                              r->c,   p->terminal,   p->task.delay, (double)p->task.draws, p->task.spread};
     uint64_t hash =
         mixed(UINT64_C(0xcbf29ce484222325), t->validation, VALIDATION * p->state * sizeof(double));
     hash = mixed(hash, numbers, sizeof numbers);
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
-        hash = mixed(hash, (const double[]){c->success, c->success_velocity}, 2 * sizeof(double));
+        hash = mixed(hash, (const double[]){c->success, c->success_velocity, c->noise, c->noise_velocity},
+                     4 * sizeof(double));
     }
     hash = mixed(hash, r->K, m * n * sizeof *r->K);
     hash = mixed(hash, r->near, m * n * sizeof *r->near);

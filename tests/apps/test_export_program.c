@@ -158,4 +158,35 @@ TEST("self-tests find planted errors") {
     }
 }
 
+/* sin(2 pi t): for large t it has no digits in single precision. */
+static lg_status record_wave(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    (void)user, (void)theta;
+    out[0] = lg_sin(tape, lg_scale(tape, in[0], 6.283185307179586));
+    return lg_tape_status(tape);
+}
+
+TEST(
+    "the self-test accepts no error above a tenth; where rounding is as large, a warning names --dtype f64") {
+    static char out[EXPORT_TEXT];
+    static const struct {
+        double high;
+        const char *type;
+    } rows[] = {{1e6, "f32"}, {1e6, "f64"}, {1, "f32"}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        const lg_port t = {.name = "t", .high = rows[i].high}, d = {.name = "d"};
+        const lg_function_spec wave = {"wave", &t, 1, &d, 1, record_wave, NULL};
+        const lg_program_spec spec = {.size = sizeof spec, .functions = &wave, .function_count = 1};
+        lg_program *program;
+        assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+        assert_ok(lg_program_save(NULL, cli_at("t.h5"), program, NULL, NULL));
+        lg_program_destroy(program);
+        cli_expect("lg-export", test_text("t.h5 --out t --name t --dtype %s", rows[i].type), 0, "");
+        assert_int_equal(strstr(result.err, "export it with --dtype f64") != NULL, i == 0);
+        const int code = export_shell("cd t && sed -i 's/define SIN .*/define SIN(x) (0 * (x))/' t.c && gcc "
+                                      "-std=c99 -O1 *.c -lm -o t && ./t",
+                                      out);
+        if (code == 0 || strstr(out, "WRONG") == NULL) fail_msg("zeros passed:\n%s", out);
+    }
+}
+
 TEST_GROUP(export_begin, export_end)

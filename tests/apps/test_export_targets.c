@@ -594,18 +594,19 @@ TEST("an exported package is built, installed and found by CMake") {
                   "./user-build/user");
 }
 
+static void *open_sfunction(const char *model) {
+    build(model, "simulink");
+    export_expect(test_text("cd simulink && cc -std=c99 -Wall -Wextra -Werror -Wno-unused-function "
+                            "-Wno-unused-const-variable -fPIC -shared "
+                            "-I'%s/apps/simulink' m_simulink.c m_sfun.c m.c m_weights.c -lm -o m.so",
+                            LG_TEST_DIR));
+    return open_library("simulink/m.so");
+}
+
 TEST("functions for Simulink take arrays of constant size; the S-function compiles with the documented "
      "names") {
-    char line[512];
     make_model("driven", make_driven);
-    build("driven", "simulink");
-    (void)snprintf(line, sizeof line,
-                   "cd simulink && cc -std=c99 -Wall -Wextra -Werror -Wno-unused-function -fPIC -shared "
-                   "-I'%s/apps/simulink' "
-                   "m_simulink.c m_sfun.c m.c m_weights.c -lm -o m.so",
-                   LG_TEST_DIR);
-    export_expect(line);
-    void *handle = open_library("simulink/m.so");
+    void *handle = open_sfunction("driven");
     SYMBOL(handle, "m_field", void, (const double *, const double *, double *), field);
     SYMBOL(handle, "stand_in_run", void, (const double *, const double *, double *, double *), run);
     double got[2], wanted[2], state[2], rate[2];
@@ -875,6 +876,16 @@ TEST("ONNX: the number of rows is that of an input that has rows, though rows sh
     make_model("line", make_line);
     export_run("line.h5 --out line --name m --target onnx --dtype f64");
     export_expect("test \"$(echo 2 5 | python3 " LG_TEST_DIR "/apps/onnx_values.py line/m.onnx)\" = 13.0");
+}
+
+TEST("inputs that rows share are input ports of an S-function") {
+    make_model("line", make_line);
+    void *handle = open_sfunction("line");
+    SYMBOL(handle, "stand_in_run", void, (const double *, const double *, double *, double *), run);
+    double got = 0, rate;
+    run(&got, (const double[2]){2, 5}, &got, &rate);
+    assert_close(got, 13, 0, 0);
+    assert_int_equal(dlclose(handle), 0);
 }
 
 TEST("a scheme that a target does not support is refused; a function that is named twice counts once") {

@@ -80,6 +80,42 @@ TEST("the error of a rotation is 2 sin(a/2) cos(a/2)/r(cos(a/2)), as the certifi
     }
 }
 
+TEST("success is measured by the angle: opposite to the goal, where the error is 0, nothing succeeds") {
+    static const double angles[] = {0.099, 0.101, 1.5, 3.0, 3.14, 3.14159265, 3.141592653589793};
+    lg_policy_task task = every_motion();
+    for (uint32_t i = 1; i < 4; i++)
+        for (size_t k = 0; k < LG_COUNT(angles); k++)
+            for (int wide = 0; wide < 2; wide++) {
+                lg_policy p = {.task = task};
+                double z[LG_POLICY_ERRORS] = {0}, e[LG_POLICY_ERRORS], q[16];
+                lg_tape *tape;
+                p.task.coordinate[i].success = wide ? 3.1 : 0.1;
+                lg_policy_lay_out(&p.task, &p.layout);
+                z[p.layout.at[i].error] = angles[k];
+                assert_ok(lg_tape_create(NULL, NULL, &tape));
+                const lg_policy_seen seen =
+                    lg_policy_record_place(tape, &p, lg_input_f64(tape, lg_shape2(1, p.layout.errors), z));
+                assert_ok(lg_read(tape, seen.q, p.layout.positions, q));
+                assert_ok(lg_read(tape, lg_policy_record_errors(tape, &p, false, seen), p.layout.errors, e));
+                lg_tape_destroy(tape);
+                assert_int_equal(lg_policy_inside(&p, q, e), angles[k] < p.task.coordinate[i].success);
+            }
+}
+
+TEST("a run that hangs opposite to the goal fails") {
+    const lg_policy_task task = body_task(LG_POLICY_LQR);
+    const lg_policy *policy = make(&task, body);
+    const double z[6] = {3.141592653589793};
+    double x[12], e[6];
+    bool held = true;
+    assert_ok(lg_policy_states(policy, z, 1, x, NULL));
+    lg_policy_runs runs = {.count = 1, .steps = 5, .x = x, .succeeded = &held};
+    assert_ok(lg_policy_run(policy, &(lg_policy_trial){.theta = policy->theta, .threads = 1}, &runs, NULL));
+    assert_ok(lg_program_eval(NULL, policy->program, "errors", 1, (const double *const[]){x},
+                              (double *const[]){e}, NULL));
+    assert_true(hypot(hypot(e[0], e[1]), e[2]) < 0.01 && !held);
+}
+
 TEST("positions from a quaternion are those of its rotation, and control is the policy at these positions") {
     const lg_policy_task task = body_task(LG_POLICY_NETWORK);
     const lg_policy *policy = make(&task, body);
@@ -587,12 +623,17 @@ TEST("a state of training is refused for another task or plant") {
     assert_ok(lg_policy_trainer_save(trainer, &writer, NULL));
     lg_policy_trainer_destroy(trainer);
     const lg_archive_reader reader = memory_reader(&archive);
-    for (int k = 0; k < 7; k++) {
+    for (int k = 0; k < 12; k++) {
         const lg_policy_task same = task;
         if (k == 1) task.coordinate[1].weight = 2.0;
         if (k == 3) task.gate = false;
         if (k == 4) task.coordinate[1].success *= 1.2;
         if (k == 5) task.within += 1.0;
+        if (k == 7) task.delay = 0.1;
+        if (k == 8) task.coordinate[0].noise = 0.1;
+        if (k == 9) task.coordinate[1].noise_velocity = 0.1;
+        if (k == 10) task.draws = 1;
+        if (k == 11) task.spread = 0.1;
         o.lr = k == 6 ? 0.01 : 0.02;
         const char *plant =
             k != 2 ? cart_pole : test_text("%s%s", cart_pole, "damping: {kind: known, values: [0.2, 0]}\n");

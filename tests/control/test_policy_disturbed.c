@@ -138,6 +138,34 @@ TEST("noise of a rotation turns it by a small vector in the body, of a direction
     }
 }
 
+TEST(
+    "noise of any size leaves directions of length 1 and rotations: errors are finite opposite to the goal") {
+    static const double turn[3] = {0, 3.141592653589793, 0};
+    const double n[12] = {0.4, -0.7, 0.2, 0.3, -0.1, 0.6};
+    lg_policy_task task;
+    lg_tape *tape;
+    double q[12] = {[11] = -1.00001}, v[6] = {0}, seen[12], z[10], by[9];
+    lg_policy_task_init(&task);
+    task.coordinate_count = 2;
+    task.coordinate[0] = coordinate("R", "vR", LG_POLICY_ROTATION, 1.0);
+    task.coordinate[1] = coordinate("d", "vd", LG_POLICY_DIRECTION, 1.0);
+    lg_policy p = {.task = task};
+    lg_policy_lay_out(&task, &p.layout);
+    assert_ok(lg_tape_create(NULL, NULL, &tape));
+    lg_so3_exp(turn, q);
+    lg_policy_seen at = {lg_input_f64(tape, lg_shape2(1, 12), q), lg_input_f64(tape, lg_shape2(1, 6), v)};
+    at = lg_policy_record_noise(tape, &p, at, lg_input_f64(tape, lg_shape2(1, 12), n));
+    assert_ok(lg_read(tape, at.q, 12, seen));
+    const double given[7] = {[2] = 2.0, [6] = -1.00001}; /* a quaternion, then the direction */
+    at.q = lg_policy_record_positions(tape, &p, lg_input_f64(tape, lg_shape2(1, 7), given));
+    assert_ok(lg_read(tape, lg_policy_record_errors(tape, &p, false, at), p.layout.errors, z));
+    lg_tape_destroy(tape);
+    for (uint32_t i = 0; i < p.layout.errors; i++) assert_close(z[i], 0.0, 0.0, 1e-9);
+    lg_so3_exp(n, by); /* R by, R = diag(-1, 1, -1) */
+    for (int i = 0; i < 9; i++) assert_close(seen[i], i / 3 == 1 ? by[i] : -by[i], 1e-12, 1e-12);
+    assert_close(hypot(hypot(seen[9], seen[10]), seen[11]), 1.0, 1e-14, 0.0);
+}
+
 TEST("disturbed runs take the machines that were added in turn") {
     const lg_policy_task task = disturbed_task(1e-300, 0.0);
     lg_policy *policy = make(&task, cart_pole), *other;

@@ -132,6 +132,51 @@ TEST("on another plant the controller keeps its dead times and its lags") {
         }
 }
 
+/* The cart with friction that has a state. */
+static const char bristles[] =
+    "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: v}]\n"
+    "inputs: {columns: [u, w], lag: [none, 0.6]}\nmass: {kind: known, values: [[2]]}\n"
+    "damping: {kind: lugre, values: [0.3, 0.4, 0.1, 50, 1]}\n"
+    "input_map: {kind: known, values: [[1, 0.7]]}\n";
+
+/* The costs of 64 runs of a cart from the same starts. */
+static void cost_of_runs(const lg_policy *p, bool disturbed, double *cost) {
+    enum { N = 64 };
+    double x[N * (LG_POLICY_COORDINATES + 2)];
+    bool held[N];
+    lg_rng rng = test_rng(11, 0);
+    assert_ok(lg_policy_starts(p, &rng, N, x, NULL, NULL));
+    lg_policy_runs runs = {.count = N, .steps = 20, .x = x, .cost = cost, .succeeded = held};
+    assert_ok(lg_policy_run(
+        p, &(lg_policy_trial){.theta = p->theta, .disturbed = disturbed, .seed = 3, .threads = 1}, &runs,
+        NULL));
+}
+
+TEST("disturbances too small to matter, and draws equal to the machine, leave runs on another plant") {
+    static const double own[INPUTS] = {1.5, 2}, dead[INPUTS] = {0.3, 0.275};
+    double plain[64], same[64];
+    lg_error error = {LG_OK, ""};
+    const lg_policy *p = make_cart(own, true);
+    lg_policy_task by = cart_with((const double[INPUTS]){0, 0}, false);
+    lg_policy *other;
+    const char *const text = test_text(cart, 0.6);
+    assert_ok(lg_policy_transplant(p, machine_program(text), dead, &other, NULL));
+    lg_test_owns(other, release_policy);
+    by.coordinate[0].noise = 1e-300; /* the task does not have what the controller remembers */
+    by.draws = 2;
+    assert_ok(lg_policy_disturb(other, &by, NULL));
+    cost_of_runs(other, false, plain);
+    cost_of_runs(other, true, same);
+    assert_all_close(same, plain, 64, 1e-12, 0.0);
+    assert_ok(lg_policy_add_draw(other, machine_program(text), NULL));
+    cost_of_runs(other, true, same);
+    assert_all_close(same, plain, 64, 1e-12, 0.0);
+    assert_status(lg_policy_add_draw(other, machine_program(bristles), &error), LG_SHAPE);
+    assert_says(error.message, "numbers as state");
+    by.coordinate[0].name[0] = 'y';
+    assert_status(lg_policy_disturb(other, &by, &error), LG_SHAPE);
+}
+
 TEST("an integral grows by the error, and stops while an input is at a limit") {
     const lg_policy *p = make_cart((const double[INPUTS]){0, 0}, true);
     const double x[] = {0.3, 0, 0.25, 0}; /* x, lagged, integral, v */

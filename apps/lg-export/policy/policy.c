@@ -25,7 +25,7 @@ static void add_names(const lg_policy_task *task, bool velocities, text *to) {
         if (name[0] == '\0') continue;
         lg_text_add(to, " %s", name);
         if (!velocities)
-            lg_text_add(to, "%s%s", units[c->motion], c->free ? " (free: its number is not used)" : "");
+            lg_text_add(to, "%s%s", units[c->motion], c->free ? " (free: any finite number)" : "");
         else if (count > 1)
             lg_text_add(to, " (%u)", count);
     }

@@ -144,8 +144,9 @@ static void choose_stride(export_loop *l, golden *g) {
         const double by = find_ends(l, g);
         /* One wrong segment of PATHS must be found. */
         g->tolerance = 20 * export_eps(l->job->source->options) * fmax(by, 16) / sqrt(PATHS);
-        if (g->tolerance <= 1e-3 || g->stride == 1) return;
+        if (g->tolerance <= 1e-3 || g->stride == 1) break;
     }
+    g->tolerance = export_bound_tolerance(l->job->source, g->tolerance);
 }
 
 /* Warns if the policy has no value where an angle, direction or rotation is half a turn from the goal. */
