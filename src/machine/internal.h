@@ -503,8 +503,8 @@ enum { LG_MACHINE_MOST_WINDOWS = 512 };
 /* R (n, n), column-major, of [J r] = Q R: J is the Jacobian with respect to the n - 1 parameters of the
  * machine, with the starts eliminated window by window, r the residuals. At most LG_MACHINE_MOST_WINDOWS
  * windows are used; R is scaled as if it came from all. `lagged` (n, n), zeros on entry: [J r]^T [J r] with
- * the second factor one row of the log later. `numbers`: how many residuals are not 0. Both count the used
- * windows alone. */
+ * the second factor one row of the log later. `numbers`: independent residuals of different rows, less what
+ * the starts take. Both count the used windows alone. */
 lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
                               const double *theta, double *triangle, double *lagged, double *numbers,
                               lg_error *error);

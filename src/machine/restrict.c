@@ -3,8 +3,8 @@
  *
  * Residuals of long runs are correlated in time, so the data count less than their number says. The variance
  * that the prior is weighed with is therefore that of a residual times the factor by which the correlation
- * raises the variances of x. It is found in a few rounds, of which the first one has no prior: with x held at 0
- * a large change would count as noise. */
+ * raises the variances of x. It is found in a few rounds, of which the first one has no prior: with x held at
+ * 0 a large change would count as noise. */
 #include <math.h>
 #include <string.h>
 
