@@ -135,8 +135,8 @@ static void run(app *self) {
                  "parameters, its fit did not converge, it was adapted, or the logs determine none of them",
                  self->arguments[0], LG_MACHINE_MOST_SPREAD);
     predict(self, &p);
-    const bool finite = identify_write(self, values.out, &data->file, &data->logs.log, data->logs.part_run,
-                                       &p.runs, input_of, data, &p.rows);
+    const bool finite = identify_write(self, values.out, &data->file, &data->logs.log, &data->logs, &p.runs,
+                                       input_of, data, &p.rows);
     app_plot_draw(self, 0,
                   &(identify_plot){"First run of the log: logged (thick) and predicted (thin)", &data->file,
                                    &data->logs.log, identify_first_run(&data->logs), &p.runs, .given = NULL});

@@ -765,6 +765,7 @@ typedef struct lg_logs {
     size_t *first; /* (parts + 1) */
     /* (parts): index of the part's file; index of its run, counted through all files. */
     uint32_t *part_file, *part_run;
+    char *run_names;           /* The names of all runs as in the logs, each with its terminator. */
     double *t, *q, *v, *u, *a; /* a: NULL unless accelerations are measured */
     lg_machine_filter *filter; /* of machines with lags, else NULL */
     const lg_context *context;

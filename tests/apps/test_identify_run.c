@@ -1,5 +1,6 @@
 /* lg-identify generate, predict and evaluate, compared with motions that are known in closed form.
  * ctest-labels: apps/lg-identify src/machine */
+#include "core/core.h"
 #include "identify_support.h"
 
 enum { ROOM = 4096 };
@@ -214,6 +215,24 @@ TEST("predict writes columns in the log's units, and inputs at the rows where th
         assert_true(isnan(ub[i]) == !known);
         if (known) assert_close(ub[i], ua[at], 1e-12, 1e-12);
     }
+}
+
+TEST("a prediction has the names of the runs as in the log") {
+    static const char *const names[] = {"7", "\"cold, dry\"", "7"};
+    enum { ROWS = 20, SIZE = 1 << 14 };
+    char log[SIZE] = "t,run,x,vx,u\n";
+    cli_forget("train.csv p.csv log.csv");
+    for (size_t run = 0; run < LG_COUNT(names); run++)
+        for (int row = 0; row < ROWS; row++)
+            lg_append(log, SIZE, "%.2f,%s,%.9f,%.9f,0\n", 0.05 * row, names[run], 0.1 * cos(0.08 * row),
+                      -0.16 * sin(0.08 * row));
+    cli_write("log.csv", log);
+    cli_run(identify, "generate scene.yaml --runs 3 --t-end 5 --noise 0 --out train.csv");
+    cli_run(identify, "fit machine.yaml train.csv --out m.h5");
+    cli_json(identify, "predict m.h5 log.csv --out p.csv", "rows 60, runs 3");
+    (void)cli_read("p.csv", log, SIZE);
+    assert_says(log, "\n0,7,0.1");
+    assert_says(log, "\n0,\"cold, dry\",0.1");
 }
 
 TEST("a prediction begins at the given row, and a gap ends it") {

@@ -59,6 +59,12 @@ static lg_status estimate_delay(const lg_context *context, size_t training, lg_m
         least = left;
         best = delay;
     }
+    if (isinf(least))
+        return lg_fail(
+            error, LG_UNSUPPORTED,
+            "%s: `delay: estimate` needs velocities: log them, or give `delay: auto` or a number of "
+            "rows",
+            out->failed);
     lg_log_message(
         context, LG_LOG_WARNING,
         "inputs with `delay: estimate` act %u row%s after they are logged (estimated with a "
