@@ -108,7 +108,7 @@ static void json_training(const train_session *session, app_json *json) {
             LG_AS_TEXT("gradients", lg_fit_by_plans(fit) ? "plans" : "tape"));
     app_result_known(json, "floor", training->floor, "part of the error that the integrator's steps make");
     APP_PUT(json, LG_AS_REAL("running_loss", lg_fit_loss(fit)),
-            LG_AS_REAL("validation_loss", done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : NAN),
+            LG_AS_REAL("validation_loss", lg_training_validation(training)),
             LG_AS_WHOLE("best_epoch", lg_fit_best_epoch(fit)), LG_AS_FLAG("finished", lg_fit_finished(fit)),
             LG_AS_TEXT("stopped", lg_fit_finished(fit) ? lg_fit_end_sentence(fit) : NULL),
             LG_AS_REAL("seconds_per_epoch", lg_fit_seconds_per_epoch(fit)),
