@@ -96,7 +96,6 @@ static void predict(const app *self, prediction *p) {
             log->parts - runs->count, log->parts, (unsigned long long)values.start);
     identify_run_log(self, &given->model, log, runs);
     if (values.bands) find_bands(self, given, runs);
-    identify_column_errors(given, runs, p->error);
     identify_warn_range(self, given, runs);
 }
 
@@ -140,6 +139,8 @@ static void run(app *self) {
     app_plot_draw(self, 0,
                   &(identify_plot){"First run of the log: logged (thick) and predicted (thin)", &data->file,
                                    &data->logs.log, identify_first_run(&data->logs), &p.runs, .given = NULL});
+    identify_leave_out(&given.model, &data->logs.log, &p.runs);
+    identify_column_errors(&given, &p.runs, p.error);
     report(self, &p);
     if (!finite)
         self->code =

@@ -588,6 +588,9 @@ TEST("the rows that estimate a start follow disturbance and noise, and all machi
         if (cases[i].least > 50) assert_true(line < 0.85 * usual);
     }
     cli_json(identify, "predict m.h5 test.csv --out pushed-run.csv --start-rows 7", "start_rows 7");
+    const double scored = json_number(json_find(result.out, "free_run"), "y");
+    cli_json(identify, "evaluate m.h5 test.csv --start-rows 7", "free_run {");
+    assert_close(scored, json_number(json_find(result.out, "free_run"), "y"), 1e-12, 0);
     cli_json(identify, "adapt m.h5 test.csv --seconds 10 --numbers friction --start-rows 9", "start_rows 9");
     cli_run(identify, "evaluate m.h5 test.csv --horizons .3");
     assert_says(result.out, "unchanged");

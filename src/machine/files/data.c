@@ -144,11 +144,10 @@ static bool is_confirmed(const lg_machine_data *data, uint32_t coordinate) {
 static void find_noise(const lg_machine_data *data, uint32_t coordinate, bool confirmed, double least,
                        lg_machine_noise *out) {
     const lg_log_coordinate *at = &data->file.coordinates[coordinate];
-    double *position = &out->position[coordinate];
-    *position = fmax(noise_of(data, at->place, at->places, confirmed, least),
-                     noise_of(data, at->attitude, at->attitudes, false, least));
+    const double turn = at->attitudes == 4 ? 2.0 : 1.0; /* the angle is twice the change of a quaternion */
+    out->position[coordinate] = fmax(noise_of(data, at->place, at->places, confirmed, least),
+                                     turn * noise_of(data, at->attitude, at->attitudes, false, least));
     out->velocity[coordinate] = noise_of(data, at->velocity, at->velocities, confirmed, least);
-    if (at->attitudes == 4) *position *= 2.0; /* the rotation angle is twice the change of a quaternion */
 }
 
 /* Unconfirmed noise below 2e-4 of a range is ignored: it does not justify estimated starts, and uneven time
