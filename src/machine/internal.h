@@ -13,6 +13,8 @@ LG_AT(lg_tape_destroy, lg_tape)
  * loss. */
 typedef struct lg_machine_noise {
     double position[LG_MACHINE_COORDINATES], velocity[LG_MACHINE_COORDINATES];
+    /* Of angles and rates alone; 0: as of positions and velocities. */
+    double turn[LG_MACHINE_COORDINATES], rate[LG_MACHINE_COORDINATES];
 } lg_machine_noise;
 
 /* Sums for a root mean square (machine/scales.c). NaN is left out; without numbers the result is NaN. */

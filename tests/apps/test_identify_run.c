@@ -164,6 +164,39 @@ TEST("inputs of the kind `steps` are constant for the given time and within thei
     assert_int_equal(changes, 20);
 }
 
+TEST("each column of a pose has its own noise, and the expected loss counts places, angles and rates as they "
+     "are") {
+    static const char pose[] =
+        "columns: {time: t, run: run}\ncoordinates: [{name: b, kind: pose, position: [x, y, z], columns: "
+        "[qw, qx, "
+        "qy, qz], velocity: [vx, vy, vz], rates: [wx, wy, wz]}]\ninputs: {columns: [f, a, c, d], hold: "
+        "zero}\n"
+        "noise: {x: 0.05, y: 0.05, z: 0.05, qw: 0.001, qx: 0.001, qy: 0.001, qz: 0.001, vx: 0.02, vy: 0.02, "
+        "vz: 0.02, wx: 0.002, wy: 0.002, wz: 0.002}\n"
+        "input_map: {kind: known, values: [[0,0,0,0],[0,0,0,0],[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}\n"
+        "mass: {kind: known, values: [1, 1, 1, 0.1, 0.2, 0.3]}\n";
+    static const struct {
+        const char *column;
+        double size;
+    } columns[] = {{"x", 0.05}, {"z", 0.05}, {"vx", 0.02}, {"wx", 0.002}, {"wz", 0.002}};
+    size_t rows;
+    cli_write("noise.yaml",
+              test_text("%sdamping: {kind: known, values: [0.1, 0.1, 0.1, 0.02, 0.02, 0.02]}\n", pose));
+    cli_write("pose.yaml", test_text("%sdamping: diagonal\n", pose));
+    cli_run(identify, "generate noise.yaml --runs 2 --t-end 6 --inputs steps --seed 5 --out noise.csv");
+    cli_run(identify,
+            "generate noise.yaml --runs 2 --t-end 6 --inputs steps --seed 5 --noise 0 --out none.csv");
+    for (size_t i = 0; i < LG_COUNT(columns); i++) {
+        const double *with = column("noise.csv", columns[i].column, &rows),
+                     *without = column("none.csv", columns[i].column, &rows);
+        double sum = 0;
+        for (size_t row = 0; row < rows; row++) sum += pow(with[row] - without[row], 2) / (double)rows;
+        assert_close(sqrt(sum), columns[i].size, 0.1, 0);
+    }
+    cli_json(identify, "fit pose.yaml noise.csv --out pose.h5", "loss >0");
+    assert_close(json_number(result.out, "expected_loss"), json_number(result.out, "loss"), 0.1, 0);
+}
+
 /* ---- predict ---- */
 
 /* The predicted file must be a log of the machine with the same times and inputs as the given log. Columns

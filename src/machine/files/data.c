@@ -144,9 +144,12 @@ static bool is_confirmed(const lg_machine_data *data, uint32_t coordinate) {
 static void find_noise(const lg_machine_data *data, uint32_t coordinate, bool confirmed, double least,
                        lg_machine_noise *out) {
     const lg_log_coordinate *at = &data->file.coordinates[coordinate];
-    const double turn = at->attitudes == 4 ? 2.0 : 1.0; /* the angle is twice the change of a quaternion */
-    out->position[coordinate] = fmax(noise_of(data, at->place, at->places, confirmed, least),
-                                     turn * noise_of(data, at->attitude, at->attitudes, false, least));
+    /* The angle is twice the change of a quaternion. */
+    out->turn[coordinate] =
+        (at->attitudes == 4 ? 2.0 : 1.0) * noise_of(data, at->attitude, at->attitudes, false, least);
+    out->position[coordinate] =
+        fmax(noise_of(data, at->place, at->places, confirmed, least), out->turn[coordinate]);
+    out->rate[coordinate] = at->velocities == 6 ? noise_of(data, at->velocity + 3, 3, false, least) : 0.0;
     out->velocity[coordinate] = noise_of(data, at->velocity, at->velocities, confirmed, least);
 }
 
