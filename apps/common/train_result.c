@@ -16,10 +16,8 @@ enum { LOOK = 10, FULL_LOOK = 100 };
 /* The epoch whose parameters are the model: the epoch with the lowest validation loss, or the last epoch if
  * there is no validation part. */
 static uint64_t model_epoch(const lg_training *self) {
-    const uint64_t done = lg_fit_epochs_done(self->fit);
-    return done > 0 && isfinite(lg_fit_history(self->fit, LG_FIT_VALIDATION)[done - 1])
-               ? lg_fit_best_epoch(self->fit)
-               : done;
+    return isfinite(lg_training_validation(self)) ? lg_fit_best_epoch(self->fit)
+                                                  : lg_fit_epochs_done(self->fit);
 }
 
 /* Warns if the model is no better than a simple guess, and if the loss has not fallen since the first epoch.

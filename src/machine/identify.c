@@ -60,31 +60,6 @@ static double dot(const double *a, const double *b, size_t n) {
     return lg_kernels_for(LG_F64)->dot(n, a, b);
 }
 
-/* Makes the columns of the parameters orthogonal to the columns of the starts, window by window. Each window
- * has `each` rows. Of the three rotations of a direction only two are independent: the third column becomes
- * rounding error. */
-static void eliminate(normal *s, size_t count) {
-    static const double rounding = 1e-20;
-    const size_t each = s->rows / count;
-    double before[2 * LG_MACHINE_VELOCITIES];
-    for (size_t w = 0; w < count; w++) {
-        const double *columns = s->columns + w * each;
-        for (size_t k = s->n; k < s->n + s->starts; k++)
-            before[k - s->n] = dot(columns + k * s->rows, columns + k * s->rows, each);
-        for (size_t k = s->n + s->starts; k-- > s->n;) {
-            const double *pivot = columns + k * s->rows;
-            const double norm = dot(pivot, pivot, each);
-            if (!(norm > rounding * before[k - s->n])) continue;
-            s->weighted -= 1.0;
-            for (size_t j = 0; j < k; j++) {
-                double *column = s->columns + j * s->rows + w * each;
-                const double part = dot(pivot, column, each) / norm;
-                for (size_t row = 0; row < each; row++) column[row] -= part * pivot[row];
-            }
-        }
-    }
-}
-
 /* Counts the residuals of a chunk. The three numbers of a direction, or of its velocity, are worth two. Those
  * that are almost 0 have almost no weight: positions that are integrals of measured velocities. */
 static void count_residuals(normal *s) {
@@ -176,7 +151,8 @@ static lg_status add_chunk(normal *s, const uint32_t *samples, size_t first, siz
         for (size_t j = 0; j < columns; j++)
             s->columns[(j < given ? j : j + s->last) * s->rows + row] = s->jacobian[row * columns + j];
     if (s->last) memcpy(s->columns + given * s->rows, s->residuals, s->rows * sizeof *s->columns);
-    if (s->starts > 0) eliminate(s, count);
+    for (size_t w = 0, each = s->rows / count; w < count && s->starts > 0; w++)
+        s->weighted -= lg_machine_take_start(s->columns + w * each, s->rows, each, s->n, s->starts, NULL);
     if (s->lagged != NULL) add_lagged(s, count);
     s->squares += squares;
     if (s->unmoved != NULL)

@@ -510,6 +510,12 @@ enum { LG_MACHINE_MOST_WINDOWS = 512 };
 lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
                               const double *theta, double *triangle, double *lagged, double *numbers,
                               lg_error *error);
+/* Makes the n columns (rows), each `stride` numbers behind the one before, orthogonal to the `own` columns of
+ * a start behind them (modified Gram-Schmidt). Returns the variance that these take: of residuals with the
+ * variances `variance` (rows), or of 1 with NULL. A direction has three rotation parameters, but only two are
+ * independent: what remains of the third column is rounding error, and the column is skipped. */
+double lg_machine_take_start(double *columns, size_t stride, size_t rows, size_t n, size_t own,
+                             const double *variance);
 /* What the logs say of the n shared parameters of `fit`, a fit problem on the windows of `problem`, at its
  * best fit x. */
 typedef struct lg_machine_uncertainty {
