@@ -197,6 +197,28 @@ TEST("each column of a pose has its own noise, and the expected loss counts plac
     assert_close(json_number(result.out, "expected_loss"), json_number(result.out, "loss"), 0.1, 0);
 }
 
+TEST("white noise of velocities alone, and of a direction, is told to be white") {
+    static const char *const machines[][2] = {
+        {"columns: {time: t, run: run}\ncoordinates: [{name: x, kind: line, velocity: vx}]\n"
+         "inputs: {columns: [u], hold: zero}\nnoise: {vx: 0.02}\ninput_map: {kind: known, values: [1]}\n",
+         "mass: {kind: known, values: [2]}\ndamping: {kind: known, values: [0.5]}\n"},
+        {"columns: {time: t, run: run}\n"
+         "coordinates: [{name: q, kind: direction, columns: [qx, qy, qz], velocity: [wx, wy, wz]}]\n"
+         "inputs: {columns: [a, b, c], hold: zero}\n"
+         "input_map: {kind: known, values: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}\n"
+         "noise: {qx: 0.005, qy: 0.005, qz: 0.005, wx: 0.02, wy: 0.02, wz: 0.02}\n",
+         "mass: {kind: known, values: [1, 1, 1]}\ndamping: {kind: known, values: [0.2, 0.2, 0.2]}\n"}};
+    for (int i = 0; i < 2; i++) {
+        cli_forget("white.csv");
+        cli_write("truth.yaml", test_text("%s%s", machines[i][0], machines[i][1]));
+        cli_write("white.yaml", test_text("%s%sdamping: diagonal\n", machines[i][0],
+                                          i == 0 ? "measured: velocities-only\n" : ""));
+        cli_run(identify, "generate truth.yaml --runs 2 --t-end 20 --dt 0.02 --seed 3 --out white.csv");
+        cli_json(identify, "fit white.yaml white.csv --out m.h5", "identified {");
+        assert_says(result.out, "\"errors\": \"white\"");
+    }
+}
+
 /* ---- predict ---- */
 
 /* The predicted file must be a log of the machine with the same times and inputs as the given log. Columns
