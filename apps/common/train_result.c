@@ -16,10 +16,8 @@ enum { LOOK = 10, FULL_LOOK = 100 };
 /* The epoch whose parameters are the model: the epoch with the lowest validation loss, or the last epoch if
  * there is no validation part. */
 static uint64_t model_epoch(const lg_training *self) {
-    const uint64_t done = lg_fit_epochs_done(self->fit);
-    return done > 0 && isfinite(lg_fit_history(self->fit, LG_FIT_VALIDATION)[done - 1])
-               ? lg_fit_best_epoch(self->fit)
-               : done;
+    return isfinite(lg_training_validation(self)) ? lg_fit_best_epoch(self->fit)
+                                                  : lg_fit_epochs_done(self->fit);
 }
 
 /* Warns if the model is no better than a simple guess, and if the loss has not fallen since the first epoch.
@@ -108,7 +106,7 @@ static void json_training(const train_session *session, app_json *json) {
             LG_AS_TEXT("gradients", lg_fit_by_plans(fit) ? "plans" : "tape"));
     app_result_known(json, "floor", training->floor, "part of the error that the integrator's steps make");
     APP_PUT(json, LG_AS_REAL("running_loss", lg_fit_loss(fit)),
-            LG_AS_REAL("validation_loss", done > 0 ? lg_fit_history(fit, LG_FIT_VALIDATION)[done - 1] : NAN),
+            LG_AS_REAL("validation_loss", lg_training_validation(training)),
             LG_AS_WHOLE("best_epoch", lg_fit_best_epoch(fit)), LG_AS_FLAG("finished", lg_fit_finished(fit)),
             LG_AS_TEXT("stopped", lg_fit_finished(fit) ? lg_fit_end_sentence(fit) : NULL),
             LG_AS_REAL("seconds_per_epoch", lg_fit_seconds_per_epoch(fit)),

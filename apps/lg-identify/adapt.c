@@ -62,7 +62,7 @@ static size_t find_cut(const lg_machine_log *log, double seconds) {
 }
 
 static void divide(const app *self, adapting *a) {
-    enum { LEAST = 3 };
+    enum { LEAST = 5 }; /* rows of positions alone: more than the starts and numbers of a fit */
     const lg_machine_log *log = &a->given.data.logs.log;
     size_t parts = 0;
     a->cut = find_cut(log, values.beginning);
@@ -241,16 +241,26 @@ static void warn(const app *self, const adapting *a) {
         }
 }
 
-/* The value of the number in the units of the log: a factor of the friction, or a force. */
-static double value_of(const adapting *a, size_t k, double x) {
-    lg_identified numbers[LG_MACHINE_VALUES];
+/* The value of number k, moved by `by` standard deviations of its prior, in the units of the log: a force, or
+ * the factor of the first number of the friction. A network has no number: its last layer is scaled. */
+static double value_of(const adapting *a, size_t k, double by) {
+    lg_identified before[LG_MACHINE_VALUES], after[LG_MACHINE_VALUES];
     const lg_machine *machine = &a->to.run.machine;
-    if (strcmp(a->to.names[k], "friction") == 0) return 1 + LG_ADAPT_SIGMA * x;
-    size_t count = lg_machine_numbers(machine, a->to.theta, LG_MACHINE_VALUES, numbers);
+    const size_t n = machine->parameters;
+    const bool factor = strcmp(a->to.names[k], "friction") == 0;
+    APP_FREE double *from = app_alloc(2 * n, sizeof *from);
+    for (size_t i = 0; i < n; i++) {
+        from[i] = a->to.theta[i] - a->x[k] * a->to.directions[k * n + i];
+        from[n + i] = a->to.theta[i] + by * a->to.directions[k * n + i];
+    }
+    (void)lg_machine_numbers(machine, from, LG_MACHINE_VALUES, before);
+    size_t count = lg_machine_numbers(machine, from + n, LG_MACHINE_VALUES, after);
     if (count > LG_MACHINE_VALUES) count = LG_MACHINE_VALUES;
-    for (size_t i = 0; i < count; i++)
-        if (strcmp(numbers[i].name, a->to.names[k]) == 0) return numbers[i].value;
-    return NAN;
+    for (size_t i = 0; i < count; i++) {
+        if (factor && after[i].value != before[i].value) return after[i].value / before[i].value;
+        if (!factor && strcmp(after[i].name, a->to.names[k]) == 0) return after[i].value;
+    }
+    return factor ? pow(1 + LG_ADAPT_SIGMA / 2 * (a->x[k] + by), 2) : NAN;
 }
 
 static void report(const app *self, const adapting *a) {
@@ -258,8 +268,9 @@ static void report(const app *self, const adapting *a) {
     app_json *out = self->out;
     app_result_named(out, "adapted", "adapted");
     for (size_t k = 0; k < a->to.count; k++)
-        APP_OBJECT(out, a->to.names[k], LG_AS_REAL("value", value_of(a, k, a->x[k])),
-                   LG_AS_REAL("error", a->to.units[k] * a->error[k]), LG_AS_REAL("prior", a->to.units[k]));
+        APP_OBJECT(out, a->to.names[k], LG_AS_REAL("value", value_of(a, k, 0)),
+                   LG_AS_REAL("error", fabs(value_of(a, k, a->error[k]) - value_of(a, k, -a->error[k])) / 2),
+                   LG_AS_REAL("prior", a->to.units[k]));
     app_result_rows_end(out);
     APP_PUT(out, APP_TEXT("errors", a->found.block > 0 ? "corrected for correlation" : "white", NULL),
             APP_WHOLE("window", a->window, "rows of a window of the fit"));

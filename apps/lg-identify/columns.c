@@ -75,12 +75,16 @@ static void put_head(lg_columns *to, const lg_machine_file *file, bool bands) {
     lg_columns_end(to);
 }
 
-/* False: a state is not finite. */
-static bool put_row(lg_columns *to, const lg_machine_file *file, const double *columns, const double *bands) {
+/* run: NULL: it is a number. False: a state is not finite. */
+static bool put_row(lg_columns *to, const lg_machine_file *file, const double *columns, const char *run,
+                    const double *bands) {
     bool finite = true;
     for (uint32_t c = 0; c < file->column_count; c++) {
         finite = finite && (isfinite(columns[c]) || !identify_is_state(&file->columns[c]));
-        lg_columns_number(to, c == file->run ? columns[c] : columns[c] / file->columns[c].scale);
+        if (c == file->run && run != NULL)
+            lg_columns_text(to, run);
+        else
+            lg_columns_number(to, c == file->run ? columns[c] : columns[c] / file->columns[c].scale);
     }
     for (uint32_t c = 0; c < file->column_count && bands != NULL; c++)
         if (identify_is_state(&file->columns[c]))
@@ -90,7 +94,7 @@ static bool put_row(lg_columns *to, const lg_machine_file *file, const double *c
 }
 
 bool identify_write(const app *self, const char *path, const lg_machine_file *file, const lg_machine_log *log,
-                    const uint32_t *run_of, const identify_runs *runs,
+                    const lg_logs *logs, const identify_runs *runs,
                     double (*input)(const void *user, size_t part, size_t row, uint32_t input),
                     const void *user, size_t *rows) {
     lg_columns to = {.text = app_text()};
@@ -100,17 +104,18 @@ bool identify_write(const app *self, const char *path, const lg_machine_file *fi
     put_head(&to, file, runs->bands != NULL);
     for (size_t i = 0; i < runs->count; i++) {
         const size_t first = runs->start[i], part = lg_machine_log_part(log, first);
+        const char *name = logs != NULL ? logs->run_names : NULL;
+        for (uint32_t k = logs != NULL ? logs->part_run[part] : 0; k > 0; k--) name += strlen(name) + 1;
         for (size_t row = first; row < log->first[part + 1]; row++, ++*rows) {
             identify_to_columns(file, runs->q + row * file->machine.positions,
                                 runs->v + row * file->machine.velocities, row > first ? columns : NULL,
                                 columns);
             columns[file->time] = log->t[row];
-            if (file->run < file->column_count)
-                columns[file->run] = (double)(run_of != NULL ? run_of[part] : part);
+            if (file->run < file->column_count) columns[file->run] = (double)part;
             for (uint32_t c = 0; c < file->column_count; c++)
                 if (file->columns[c].role == LG_LOG_INPUT)
                     columns[c] = input(user, part, row, file->columns[c].index);
-            if (!put_row(&to, file, columns,
+            if (!put_row(&to, file, columns, name,
                          runs->bands != NULL ? runs->bands + row * file->column_count : NULL))
                 finite = false;
         }

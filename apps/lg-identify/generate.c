@@ -195,13 +195,16 @@ static double one_of(const lg_reals *by, bool velocity, double otherwise) {
     return by->values[velocity && by->count > 1 ? 1 : 0];
 }
 
-/* Moves a state by normal random numbers with the given standard deviations for each coordinate. */
+/* Moves a state by normal random numbers. `position` and `velocity` have standard deviations in the order of
+ * the velocities: of places, then of rotation angles; a direction has three of these. */
 static void scatter(const lg_machine *machine, lg_rng *rng, const double *position, const double *velocity,
                     double *q, double *v) {
     for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         double turn[3], turned[9];
-        for (uint32_t k = 0; k < at.places; k++) q[k] += position[at.index] * lg_rng_normal(rng);
-        for (int k = 0; k < 3; k++) turn[k] = position[at.index] * lg_rng_normal(rng);
+        for (uint32_t k = 0; k < at.places; k++) q[k] += position[at.velocity + k] * lg_rng_normal(rng);
+        for (uint32_t k = 0; k < 3; k++)
+            turn[k] = lg_rng_normal(rng) *
+                      (at.places + k < at.velocities ? position[at.velocity + at.places + k] : 0);
         if (at.directions > 0) {
             lg_so3_exp_act(turn, q, turned);
             memcpy(q, turned, 3 * sizeof *q);
@@ -210,7 +213,7 @@ static void scatter(const lg_machine *machine, lg_rng *rng, const double *positi
             lg_so3_exp_multiply(turn, q + at.places, turned);
             memcpy(q + at.places, turned, sizeof turned);
         }
-        for (uint32_t k = 0; k < at.velocities; k++) v[k] += velocity[at.index] * lg_rng_normal(rng);
+        for (uint32_t k = 0; k < at.velocities; k++) v[k] += velocity[at.velocity + k] * lg_rng_normal(rng);
         if (at.directions > 0) {
             const double along = lg_dot3(v, q);
             for (int k = 0; k < 3; k++) v[k] -= along * q[k];
@@ -221,8 +224,8 @@ static void scatter(const lg_machine *machine, lg_rng *rng, const double *positi
 
 static void fill_starts(const app *self, making *m) {
     const lg_machine *machine = &m->file.machine;
-    double position[LG_MACHINE_COORDINATES], velocity[LG_MACHINE_COORDINATES];
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+    double position[LG_MACHINE_VELOCITIES], velocity[LG_MACHINE_VELOCITIES];
+    for (uint32_t i = 0; i < machine->velocities; i++) {
         position[i] = one_of(&values.spread, false, 1);
         velocity[i] = one_of(&values.spread, true, 1);
     }
@@ -235,28 +238,27 @@ static void fill_starts(const app *self, making *m) {
     }
 }
 
-/* Finds the standard deviations of the noise per coordinate: from the command line, or the largest noise of
- * the coordinate's columns in the machine file. */
+/* Finds the standard deviations of the noise, as for scatter: from the command line, or from the columns in
+ * the machine file. Of an attitude the largest counts. */
 static void find_noise(const making *m, double *position, double *velocity) {
     const lg_machine_file *file = &m->file;
-    for (uint32_t i = 0; i < file->machine.coordinate_count; i++) {
-        position[i] = velocity[i] = 0;
-        for (uint32_t c = 0; c < file->column_count; c++) {
-            const lg_log_column *column = &file->columns[c];
-            if (!identify_is_state(column) || column->index != i) continue;
-            double *to = column->role == LG_LOG_VELOCITY ? velocity : position;
-            const bool quaternion =
-                to == position && file->coordinates[i].attitudes == 4 && c >= file->coordinates[i].attitude;
-            to[i] = fmax(to[i], column->noise * (quaternion ? 2 : 1));
+    for (lg_machine_offsets at = {0}; lg_machine_next(&file->machine, &at);) {
+        const lg_log_coordinate *of = &file->coordinates[at.index];
+        double turn = 0;
+        for (uint32_t c = of->attitude; c < of->attitude + of->attitudes; c++)
+            turn = fmax(turn, file->columns[c].noise * (of->attitudes == 4 ? 2 : 1));
+        for (uint32_t k = 0; k < at.velocities; k++) {
+            const double q = k < of->places ? file->columns[of->place + k].noise : turn,
+                         v = k < of->velocities ? file->columns[of->velocity + k].noise : 0;
+            position[at.velocity + k] = one_of(&values.noise, false, q);
+            velocity[at.velocity + k] = one_of(&values.noise, true, v);
         }
-        position[i] = one_of(&values.noise, false, position[i]);
-        velocity[i] = one_of(&values.noise, true, velocity[i]);
     }
 }
 
 static void add_noise(const app *self, making *m) {
     const lg_machine *machine = &m->file.machine;
-    double position[LG_MACHINE_COORDINATES], velocity[LG_MACHINE_COORDINATES];
+    double position[LG_MACHINE_VELOCITIES], velocity[LG_MACHINE_VELOCITIES];
     lg_rng rng;
     find_noise(m, position, velocity);
     lg_rng_seed(&rng, self->seed, UINT64_C(1) << 40);

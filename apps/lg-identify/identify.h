@@ -63,11 +63,11 @@ void identify_column_errors(const identify_given *given, const identify_runs *ru
  * NULL. */
 void identify_warn_range(const app *self, const identify_given *given, const identify_runs *runs);
 
-/* Writes the runs as a log with the machine's columns, and their bands as columns NAME.sd. `run_of`: the
- * number of each part's run; NULL: the number of the part. `input`: the logged input of a row of a part.
- * *rows: how many were written. False: some state is not finite, and its cell is empty. */
+/* Writes the runs as a log with the machine's columns, and their bands as columns NAME.sd. `logs`: the
+ * logs with the names of the runs; NULL: a run has the number of its part. `input`: the logged input of a row
+ * of a part. *rows: how many were written. False: some state is not finite, and its cell is empty. */
 bool identify_write(const app *self, const char *path, const lg_machine_file *file, const lg_machine_log *log,
-                    const uint32_t *run_of, const identify_runs *runs,
+                    const lg_logs *logs, const identify_runs *runs,
                     double (*input)(const void *user, size_t part, size_t row, uint32_t input),
                     const void *user, size_t *rows);
 

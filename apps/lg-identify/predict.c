@@ -96,7 +96,6 @@ static void predict(const app *self, prediction *p) {
             log->parts - runs->count, log->parts, (unsigned long long)values.start);
     identify_run_log(self, &given->model, log, runs);
     if (values.bands) find_bands(self, given, runs);
-    identify_column_errors(given, runs, p->error);
     identify_warn_range(self, given, runs);
 }
 
@@ -135,11 +134,13 @@ static void run(app *self) {
                  "parameters, its fit did not converge, it was adapted, or the logs determine none of them",
                  self->arguments[0], LG_MACHINE_MOST_SPREAD);
     predict(self, &p);
-    const bool finite = identify_write(self, values.out, &data->file, &data->logs.log, data->logs.part_run,
-                                       &p.runs, input_of, data, &p.rows);
+    const bool finite = identify_write(self, values.out, &data->file, &data->logs.log, &data->logs, &p.runs,
+                                       input_of, data, &p.rows);
     app_plot_draw(self, 0,
                   &(identify_plot){"First run of the log: logged (thick) and predicted (thin)", &data->file,
                                    &data->logs.log, identify_first_run(&data->logs), &p.runs, .given = NULL});
+    identify_leave_out(&given.model, &data->logs.log, &p.runs);
+    identify_column_errors(&given, &p.runs, p.error);
     report(self, &p);
     if (!finite)
         self->code =

@@ -681,7 +681,8 @@ typedef struct lg_machine_file {
     lg_machine machine; /* lg_machine_init has been called; all scales are 1. */
     lg_log_measured measured;
     bool hold_given; /* The file has the key `hold`. */
-    /* Jumps of angles by more than pi are taken as turns and undone; true by default. */
+    /* Jumps of angles by more than pi are taken as turns and undone; true by default. Across missing values
+     * the integrated velocity tells the turns. */
     bool unwrap;
     double max_step; /* Longer steps are gaps; seconds. 0: 1.4 times the median step. */
     /* Indices of the columns of time and run; `run` equals column_count when there is no such column. */
@@ -765,6 +766,7 @@ typedef struct lg_logs {
     size_t *first; /* (parts + 1) */
     /* (parts): index of the part's file; index of its run, counted through all files. */
     uint32_t *part_file, *part_run;
+    char *run_names;           /* The names of all runs as in the logs, each with its terminator. */
     double *t, *q, *v, *u, *a; /* a: NULL unless accelerations are measured */
     lg_machine_filter *filter; /* of machines with lags, else NULL */
     const lg_context *context;

@@ -45,26 +45,25 @@ static double dot3(const double *a, const double *b, const double *c, size_t n) 
     return sum;
 }
 
-/* Removes from the other columns their parts along the columns of the start (modified Gram-Schmidt), and from
- * `left` the variance along these columns. A direction has three rotation parameters, but only two are
- * independent: what remains of the third column is rounding error, and the column is skipped. */
-static void take_start(expecting *e, const double *variance) {
+double lg_machine_take_start(double *columns, size_t stride, size_t rows, size_t n, size_t own,
+                             const double *variance) {
     static const double rounding = 1e-20;
-    double before[2 * LG_MACHINE_VELOCITIES];
-    for (size_t k = 0; k < e->own; k++) {
-        const double *column = e->columns + (e->n + k) * e->rows;
-        before[k] = dot(column, column, e->rows);
+    double before[2 * LG_MACHINE_VELOCITIES], taken = 0.0;
+    for (size_t k = 0; k < own; k++) {
+        const double *column = columns + (n + k) * stride;
+        before[k] = dot(column, column, rows);
     }
-    for (size_t k = e->n + e->own; k-- > e->n;) {
-        const double *pivot = e->columns + k * e->rows;
-        const double norm = dot(pivot, pivot, e->rows);
-        if (!(norm > rounding * before[k - e->n])) continue;
-        e->left -= dot3(pivot, pivot, variance, e->rows) / norm;
+    for (size_t k = n + own; k-- > n;) {
+        const double *pivot = columns + k * stride;
+        const double norm = dot(pivot, pivot, rows);
+        if (!(norm > rounding * before[k - n])) continue;
+        taken += variance != NULL ? dot3(pivot, pivot, variance, rows) / norm : 1.0;
         for (size_t j = 0; j < k; j++) {
-            double *column = e->columns + j * e->rows;
-            lg_kernels_for(LG_F64)->axpy(e->rows, -dot(pivot, column, e->rows) / norm, pivot, column);
+            double *column = columns + j * stride;
+            lg_kernels_for(LG_F64)->axpy(rows, -dot(pivot, column, rows) / norm, pivot, column);
         }
     }
+    return taken;
 }
 
 /* Adds the effect of a measured start's noise on the residuals to `left` and K. */
@@ -94,7 +93,7 @@ static void add_window(expecting *e, const double *jacobian, size_t start, doubl
             e->columns[j * e->rows + row] = counts ? jacobian[row * columns + j] : 0.0;
         e->left += variance[row] * part[row];
     }
-    if (!e->measured) take_start(e, variance);
+    if (!e->measured) e->left -= lg_machine_take_start(e->columns, e->rows, e->rows, e->n, e->own, variance);
     for (size_t i = 0; i < e->n; i++)
         for (size_t j = 0; j < e->n; j++) {
             const double *a = e->columns + i * e->rows, *b = e->columns + j * e->rows;

@@ -19,8 +19,7 @@ const lg_field lg_machine_model_fields[] = {
             .unit = "n", .meaning = "Rows from one window to the next"),
     INITIAL_STATES(lg_machine_model_run, "logged rows, or at estimated states near them",
                    .otherwise = LG_CHOSEN
-                   ": estimated where the machine's `noise` is given, or positions or accelerations alone "
-                   "are measured"),
+                   ": estimated with noise, and where positions or accelerations alone are measured"),
     TRAINING_ROWS(lg_machine_model_run, "method", squares, "Windows", 0, CONSTANT, CHOSEN),
     VALIDATION(lg_machine_model_run, .value = "0", .json = "validation-part"),
     LG_FIELD_END};

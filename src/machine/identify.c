@@ -15,8 +15,8 @@ enum { CHUNK = 64, BLOCK = 32, SMALL = 64, MOST_OF_SMALL = 8192, RUN = 32, FEW =
 
 /* Sums over windows. R (n, n), column-major, is the factor of J = Q R after the starts of the windows have
  * been eliminated; the columns of J are the machine's parameters and, with `last`, the residuals as the last
- * column. `squares` is the sum of the squared residuals, `weighted` the number of residuals that are not
- * 0. */
+ * column. `squares` is the sum of the squared residuals, `weighted` the number of independent residuals, less
+ * what the starts take. */
 typedef struct normal {
     const lg_context *context;
     const lg_machine_problem *problem;
@@ -60,20 +60,24 @@ static double dot(const double *a, const double *b, size_t n) {
     return lg_kernels_for(LG_F64)->dot(n, a, b);
 }
 
-/* Makes the columns of the parameters orthogonal to the columns of the starts, window by window. Each window
- * has `each` rows. */
-static void eliminate(normal *s, size_t count) {
-    const size_t each = s->rows / count;
-    for (size_t w = 0; w < count; w++)
-        for (size_t k = s->n + s->starts; k-- > s->n;) {
-            const double *pivot = s->columns + k * s->rows + w * each;
-            const double norm = dot(pivot, pivot, each);
-            for (size_t j = 0; j < k && norm > 0.0; j++) {
-                double *column = s->columns + j * s->rows + w * each;
-                const double part = dot(pivot, column, each) / norm;
-                for (size_t row = 0; row < each; row++) column[row] -= part * pivot[row];
-            }
-        }
+/* Counts the residuals of a chunk. The three numbers of a direction, or of its velocity, are worth two. Those
+ * that are almost 0 have almost no weight: positions that are integrals of measured velocities. */
+static void count_residuals(normal *s) {
+    static const double nothing = 1e-8;
+    const lg_machine *machine = s->problem->machine;
+    const size_t d = lg_machine_start_numbers(machine);
+    const double least = nothing * dot(s->residuals, s->residuals, s->rows) / (double)s->rows;
+    double worth[2 * LG_MACHINE_VELOCITIES];
+    for (size_t i = 0; i < d; i++) worth[i] = 1.0;
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
+        for (uint32_t k = 0; k < 3 * at.directions; k++)
+            worth[machine->places + 3 * at.direction + k] = worth[d - machine->velocities + at.velocity + k] =
+                2.0 / 3.0;
+    for (size_t row = 0; row < s->rows; row++) {
+        const size_t i = row % s->fit.rows;
+        if (i < s->fit.rows - s->priors && s->residuals[row] * s->residuals[row] > least)
+            s->weighted += worth[i % d];
+    }
 }
 
 /* R (n, n) of `matrix` (m, n), which is overwritten; both are column-major. With `order` columns are pivoted,
@@ -147,15 +151,15 @@ static lg_status add_chunk(normal *s, const uint32_t *samples, size_t first, siz
         for (size_t j = 0; j < columns; j++)
             s->columns[(j < given ? j : j + s->last) * s->rows + row] = s->jacobian[row * columns + j];
     if (s->last) memcpy(s->columns + given * s->rows, s->residuals, s->rows * sizeof *s->columns);
-    if (s->starts > 0) eliminate(s, count);
+    for (size_t w = 0, each = s->rows / count; w < count && s->starts > 0; w++)
+        s->weighted -= lg_machine_take_start(s->columns + w * each, s->rows, each, s->n, s->starts, NULL);
     if (s->lagged != NULL) add_lagged(s, count);
     s->squares += squares;
     if (s->unmoved != NULL)
         LG_TRY(s->fit.linearise(s->fit.user, s->tape, s->unmoved, samples, count, batch, &squares,
                                 s->residuals, s->jacobian));
     if (s->scores != NULL) add_scores(s, first, count);
-    for (size_t row = 0; row < s->rows; row++)
-        s->weighted += row % s->fit.rows < s->fit.rows - s->priors && s->residuals[row] != 0.0;
+    count_residuals(s);
     put_below(s);
     return LG_OK;
 }
@@ -186,10 +190,24 @@ static double bound(const normal *s, size_t i, bool prior) {
     return !prior ? 1e6 : weight ? s->deviation : 1e4;
 }
 
+/* s->weighted with rows that are in several windows counted once. The first row of a window is left out: its
+ * start takes as much. Scores of whole windows show by their correlation how windows overlap: nothing changes
+ * then. */
+static double count_once(const normal *s) {
+    size_t rows = 0, end = 0;
+    for (size_t i = 0; i < s->used; i++) {
+        const size_t start = s->problem->start[window_at(s, i)] + 1, begin = start > end ? start : end;
+        end = start + s->problem->window - 1;
+        rows += end - begin;
+    }
+    return s->stretches == 1
+               ? s->weighted
+               : s->weighted * (double)rows / ((double)s->used * (double)(s->problem->window - 1));
+}
+
 /* Variance s^2 of a residual. */
 static double variance_of(const normal *s) {
-    const double freedom = fmax(1.0, s->weighted - (double)(s->n + s->used * s->starts));
-    return fmax(s->squares / freedom, DBL_MIN);
+    return fmax(s->squares / fmax(1.0, count_once(s) - (double)s->n), DBL_MIN);
 }
 
 /* Writes R D/s with D the diagonal matrix of the bounds and s^2 the variance of the residuals: the
@@ -543,6 +561,6 @@ lg_status lg_machine_triangle(const lg_context *context, const lg_machine_proble
     choose_windows(&s, LG_MACHINE_MOST_WINDOWS);
     const lg_status status = gather(&s, false);
     if (status == LG_OK) memcpy(triangle, s.triangle, s.n * s.n * sizeof *triangle);
-    *numbers = s.weighted;
+    *numbers = count_once(&s);
     return finish(&s, status, error);
 }

@@ -13,6 +13,8 @@ LG_AT(lg_tape_destroy, lg_tape)
  * loss. */
 typedef struct lg_machine_noise {
     double position[LG_MACHINE_COORDINATES], velocity[LG_MACHINE_COORDINATES];
+    /* Of angles and rates alone; 0: as of positions and velocities. */
+    double turn[LG_MACHINE_COORDINATES], rate[LG_MACHINE_COORDINATES];
 } lg_machine_noise;
 
 /* Sums for a root mean square (machine/scales.c). NaN is left out; without numbers the result is NaN. */
@@ -503,11 +505,17 @@ enum { LG_MACHINE_MOST_WINDOWS = 512 };
 /* R (n, n), column-major, of [J r] = Q R: J is the Jacobian with respect to the n - 1 parameters of the
  * machine, with the starts eliminated window by window, r the residuals. At most LG_MACHINE_MOST_WINDOWS
  * windows are used; R is scaled as if it came from all. `lagged` (n, n), zeros on entry: [J r]^T [J r] with
- * the second factor one row of the log later. `numbers`: how many residuals are not 0. Both count the used
- * windows alone. */
+ * the second factor one row of the log later. `numbers`: independent residuals of different rows, less what
+ * the starts take. Both count the used windows alone. */
 lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
                               const double *theta, double *triangle, double *lagged, double *numbers,
                               lg_error *error);
+/* Makes the n columns (rows), each `stride` numbers behind the one before, orthogonal to the `own` columns of
+ * a start behind them (modified Gram-Schmidt). Returns the variance that these take: of residuals with the
+ * variances `variance` (rows), or of 1 with NULL. A direction has three rotation parameters, but only two are
+ * independent: what remains of the third column is rounding error, and the column is skipped. */
+double lg_machine_take_start(double *columns, size_t stride, size_t rows, size_t n, size_t own,
+                             const double *variance);
 /* What the logs say of the n shared parameters of `fit`, a fit problem on the windows of `problem`, at its
  * best fit x. */
 typedef struct lg_machine_uncertainty {

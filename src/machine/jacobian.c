@@ -44,11 +44,14 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
     lg_machine_along_row(problem, row, along);
     for (uint32_t i = 0; i < machine->positions + machine->velocities; i++) share[i] = share[i] != 0.0;
     for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
-        const double position = factor * noise->position[at.index] / problem->position_scale[at.index],
-                     velocity = factor * noise->velocity[at.index] / problem->velocity_scale[at.index];
+        const double position = factor / problem->position_scale[at.index],
+                     velocity = factor / problem->velocity_scale[at.index], turn = noise->turn[at.index],
+                     rate = noise->rate[at.index];
         double *of_q = share + at.position, *of_v = share + machine->positions + at.velocity;
-        for (uint32_t k = 0; k < at.positions; k++) of_q[k] *= position * position;
-        for (uint32_t k = 0; k < at.velocities; k++) of_v[k] *= velocity * velocity;
+        for (uint32_t k = 0; k < at.positions; k++)
+            of_q[k] *= pow(position * (k < at.places || turn == 0.0 ? noise->position[at.index] : turn), 2.0);
+        for (uint32_t k = 0; k < at.velocities; k++)
+            of_v[k] *= pow(velocity * (k < at.places || rate == 0.0 ? noise->velocity[at.index] : rate), 2.0);
     }
     for (uint32_t i = 0; i < all.seen; i++) {
         const lg_row_axis *a = &all.each[i];

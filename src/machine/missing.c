@@ -92,17 +92,6 @@ static double correlated(size_t n, const double *lagged, const double *a, double
     return (1.0 + c) / (1.0 - c);
 }
 
-/* Windows may overlap: number of different rows in the windows, divided by the sum of the windows' rows. */
-static double distinct(const lg_machine_problem *problem, size_t all, size_t used) {
-    size_t rows = 0, end = 0;
-    for (size_t w = 0; w < used; w++) {
-        const size_t start = problem->start[lg_spread(w, all, used)], begin = start > end ? start : end;
-        end = start + problem->window;
-        rows += end - begin;
-    }
-    return (double)rows / ((double)used * (double)problem->window);
-}
-
 /* work: 4 n^2 numbers, zeros at the start. */
 static lg_status look(const lg_context *context, const lg_machine_problem *problem, const double *theta,
                       size_t own, double *work, lg_machine_missing *out, lg_error *error) {
@@ -117,9 +106,7 @@ static lg_status look(const lg_context *context, const lg_machine_problem *probl
         columns[(2 * j + 1) * n + j] = 1.0;
     }
     explain(n, own, columns, &out->loss, &left, taken);
-    if (lg_machine_starts_estimated(problem))
-        numbers -= (double)used * (double)lg_machine_start_numbers(problem->machine);
-    numbers = distinct(problem, all, used) * numbers - (double)(taken[0] + taken[1]);
+    numbers -= (double)(taken[0] + taken[1]);
     if (taken[1] > 0 && numbers >= 1.0 && left > 0.0)
         out->ratio = out->loss / (double)taken[1] / (left / numbers) /
                      correlated(n, lagged, columns + (2 * n - 1) * n, part * left);

@@ -3,7 +3,8 @@
  *
  * Residuals of long runs are correlated in time, so the data count less than their number says. The variance
  * that the prior is weighed with is therefore that of a residual times the factor by which the correlation
- * raises the variances of x. It is found in a few rounds. */
+ * raises the variances of x. It is found in a few rounds, of which the first one has no prior: with x held at
+ * 0 a large change would count as noise. */
 #include <math.h>
 #include <string.h>
 
@@ -172,12 +173,11 @@ static lg_status tell_errors(const adapting *a, double *work, lg_machine_adapted
 }
 
 static lg_status adapt(adapting *a, double *work, lg_machine_adapted *out, lg_error *error) {
-    enum { ROUNDS = 2 };
+    enum { ROUNDS = 3 };
     const size_t n = a->of->count;
     static const double held = 1e12;
     weigh_prior(a, held);
     LG_TRY(minimise(a, &out->before, error));
-    LG_TRY(lg_machine_uncertain(a->context, a->of->problem, &a->fit, a->x, n, &a->found, error));
     for (int round = 0; round < ROUNDS; round++) {
         weigh_prior(a, a->found.variance * a->found.widened);
         LG_TRY(minimise(a, &out->after, error));

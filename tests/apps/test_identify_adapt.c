@@ -72,6 +72,28 @@ TEST("a log that shows no change keeps the model, and says so") {
     assert_true(of("adapted", "friction", "value") == 1);
 }
 
+TEST("friction of half and twice its size, and a force of a third of the friction, are found and told, with "
+     "their errors") {
+    static const char *const damping[] = {"diagonal", "{kind: known, values: [unknown]}", "diagonal"};
+    static const double factors[] = {0.5, 2, 1}, forces[] = {0, 0, 0.3};
+    for (int day = 0; day < 3; day++) {
+        cli_write("day.yaml",
+                  test_text(CART "mass: {kind: known, values: [2]}\ndamping: {kind: known, values: [%g]}\n"
+                                 "offset: {kind: known, values: [%g]}\n",
+                            0.8 * factors[day], forces[day]));
+        cli_run(identify,
+                "generate day.yaml --runs 1 --inputs steps --amplitude 3 --t-end 20 --dt 0.02 --noise "
+                "0.0001 --seed 2 --out day.csv");
+        cli_write("kind.yaml", test_text(CART "mass: diagonal\ndamping: %s\n", damping[day]));
+        cli_run(identify, "fit kind.yaml first.csv --out m.h5");
+        cli_json(identify, "adapt m.h5 day.csv --beginning 10", "adapted {");
+        assert_says(result.out, "\"numbers\": \"changed\"");
+        assert_close(of("adapted", "friction", "value"), factors[day], 0.01, 0);
+        assert_close(of("adapted", "offset.x", "value"), forces[day], 0, 0.005);
+        assert_true(of("rest", "x", "after") < 0.02 * of("rest", "x", "before"));
+    }
+}
+
 TEST("numbers that cannot be adapted are refused with a list of those that can, and too short a beginning is "
      "told") {
     cli_expect(identify, "fit model.yaml first.csv --out m.h5", 0, "");

@@ -67,9 +67,16 @@ TEST("a residual, also a polynomial, explains only what the other terms leave ov
 
 TEST("logs for validation are not used for training, and their loss is reported") {
     cli_run(identify, "generate scene.yaml --runs 2 --t-end 6 --seed 8 --out other.csv");
-    cli_json(identify, "fit network.yaml train.csv --validation other.csv --out m.h5 --epochs 60",
+    cli_json(identify,
+             "fit network.yaml train.csv --validation other.csv --out m.h5 --epochs 60 --history losses.csv",
              "validation >0");
-    const double windows = json_number(result.out, "windows");
+    const double windows = json_number(result.out, "windows"), told = json_number(result.out, "validation");
+    double losses[60], least = INFINITY; /* of the epoch that is the model */
+    const size_t epochs = csv_column("losses.csv", "validation", losses, LG_COUNT(losses));
+    for (size_t i = 0; i < epochs; i++) least = fmin(least, losses[i]);
+    assert_true(losses[epochs - 1] != least);
+    assert_close(told, least, 1e-12, 0);
+    assert_close(json_number(result.out, "validation_loss"), least, 1e-12, 0);
     cli_json(identify, "fit network.yaml train.csv --out m.h5 --epochs 5", "validation null");
     assert_close(json_number(result.out, "windows"), windows, 0, 0);
 }

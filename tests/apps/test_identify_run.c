@@ -1,5 +1,6 @@
 /* lg-identify generate, predict and evaluate, compared with motions that are known in closed form.
  * ctest-labels: apps/lg-identify src/machine */
+#include "core/core.h"
 #include "identify_support.h"
 
 enum { ROOM = 4096 };
@@ -173,6 +174,61 @@ TEST("inputs of the kind `steps` are constant for the given time and within thei
     assert_int_equal(changes, 20);
 }
 
+TEST("each column of a pose has its own noise, and the expected loss counts places, angles and rates as they "
+     "are") {
+    static const char pose[] =
+        "columns: {time: t, run: run}\ncoordinates: [{name: b, kind: pose, position: [x, y, z], columns: "
+        "[qw, qx, "
+        "qy, qz], velocity: [vx, vy, vz], rates: [wx, wy, wz]}]\ninputs: {columns: [f, a, c, d], hold: "
+        "zero}\n"
+        "noise: {x: 0.05, y: 0.05, z: 0.05, qw: 0.001, qx: 0.001, qy: 0.001, qz: 0.001, vx: 0.02, vy: 0.02, "
+        "vz: 0.02, wx: 0.002, wy: 0.002, wz: 0.002}\n"
+        "input_map: {kind: known, values: [[0,0,0,0],[0,0,0,0],[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}\n"
+        "mass: {kind: known, values: [1, 1, 1, 0.1, 0.2, 0.3]}\n";
+    static const struct {
+        const char *column;
+        double size;
+    } columns[] = {{"x", 0.05}, {"z", 0.05}, {"vx", 0.02}, {"wx", 0.002}, {"wz", 0.002}};
+    size_t rows;
+    cli_write("noise.yaml",
+              test_text("%sdamping: {kind: known, values: [0.1, 0.1, 0.1, 0.02, 0.02, 0.02]}\n", pose));
+    cli_write("pose.yaml", test_text("%sdamping: diagonal\n", pose));
+    cli_run(identify, "generate noise.yaml --runs 2 --t-end 6 --inputs steps --seed 5 --out noise.csv");
+    cli_run(identify,
+            "generate noise.yaml --runs 2 --t-end 6 --inputs steps --seed 5 --noise 0 --out none.csv");
+    for (size_t i = 0; i < LG_COUNT(columns); i++) {
+        const double *with = column("noise.csv", columns[i].column, &rows),
+                     *without = column("none.csv", columns[i].column, &rows);
+        double sum = 0;
+        for (size_t row = 0; row < rows; row++) sum += pow(with[row] - without[row], 2) / (double)rows;
+        assert_close(sqrt(sum), columns[i].size, 0.1, 0);
+    }
+    cli_json(identify, "fit pose.yaml noise.csv --out pose.h5", "loss >0");
+    assert_close(json_number(result.out, "expected_loss"), json_number(result.out, "loss"), 0.1, 0);
+}
+
+TEST("white noise of velocities alone, and of a direction, is told to be white") {
+    static const char *const machines[][2] = {
+        {"columns: {time: t, run: run}\ncoordinates: [{name: x, kind: line, velocity: vx}]\n"
+         "inputs: {columns: [u], hold: zero}\nnoise: {vx: 0.02}\ninput_map: {kind: known, values: [1]}\n",
+         "mass: {kind: known, values: [2]}\ndamping: {kind: known, values: [0.5]}\n"},
+        {"columns: {time: t, run: run}\n"
+         "coordinates: [{name: q, kind: direction, columns: [qx, qy, qz], velocity: [wx, wy, wz]}]\n"
+         "inputs: {columns: [a, b, c], hold: zero}\n"
+         "input_map: {kind: known, values: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}\n"
+         "noise: {qx: 0.005, qy: 0.005, qz: 0.005, wx: 0.02, wy: 0.02, wz: 0.02}\n",
+         "mass: {kind: known, values: [1, 1, 1]}\ndamping: {kind: known, values: [0.2, 0.2, 0.2]}\n"}};
+    for (int i = 0; i < 2; i++) {
+        cli_forget("white.csv");
+        cli_write("truth.yaml", test_text("%s%s", machines[i][0], machines[i][1]));
+        cli_write("white.yaml", test_text("%s%sdamping: diagonal\n", machines[i][0],
+                                          i == 0 ? "measured: velocities-only\n" : ""));
+        cli_run(identify, "generate truth.yaml --runs 2 --t-end 20 --dt 0.02 --seed 3 --out white.csv");
+        cli_json(identify, "fit white.yaml white.csv --out m.h5", "identified {");
+        assert_says(result.out, "\"errors\": \"white\"");
+    }
+}
+
 /* ---- predict ---- */
 
 /* The predicted file must be a log of the machine with the same times and inputs as the given log. Columns
@@ -224,6 +280,24 @@ TEST("predict writes columns in the log's units, and inputs at the rows where th
         assert_true(isnan(ub[i]) == !known);
         if (known) assert_close(ub[i], ua[at], 1e-12, 1e-12);
     }
+}
+
+TEST("a prediction has the names of the runs as in the log") {
+    static const char *const names[] = {"7", "\"cold, dry\"", "7"};
+    enum { ROWS = 20, SIZE = 1 << 14 };
+    char log[SIZE] = "t,run,x,vx,u\n";
+    cli_forget("train.csv p.csv log.csv");
+    for (size_t run = 0; run < LG_COUNT(names); run++)
+        for (int row = 0; row < ROWS; row++)
+            lg_append(log, SIZE, "%.2f,%s,%.9f,%.9f,0\n", 0.05 * row, names[run], 0.1 * cos(0.08 * row),
+                      -0.16 * sin(0.08 * row));
+    cli_write("log.csv", log);
+    cli_run(identify, "generate scene.yaml --runs 3 --t-end 5 --noise 0 --out train.csv");
+    cli_run(identify, "fit machine.yaml train.csv --out m.h5");
+    cli_json(identify, "predict m.h5 log.csv --out p.csv", "rows 60, runs 3");
+    (void)cli_read("p.csv", log, SIZE);
+    assert_says(log, "\n0,7,0.1");
+    assert_says(log, "\n0,\"cold, dry\",0.1");
 }
 
 TEST("a prediction begins at the given row, and a gap ends it") {
@@ -579,6 +653,9 @@ TEST("the rows that estimate a start follow disturbance and noise, and all machi
         if (cases[i].least > 50) assert_true(line < 0.85 * usual);
     }
     cli_json(identify, "predict m.h5 test.csv --out pushed-run.csv --start-rows 7", "start_rows 7");
+    const double scored = json_number(json_find(result.out, "free_run"), "y");
+    cli_json(identify, "evaluate m.h5 test.csv --start-rows 7", "free_run {");
+    assert_close(scored, json_number(json_find(result.out, "free_run"), "y"), 1e-12, 0);
     cli_json(identify, "adapt m.h5 test.csv --seconds 10 --numbers friction --start-rows 9", "start_rows 9");
     cli_run(identify, "evaluate m.h5 test.csv --horizons .3");
     assert_says(result.out, "unchanged");

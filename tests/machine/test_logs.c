@@ -526,6 +526,29 @@ TEST("angles are unwrapped") {
     for (int i = 0; i < 100; i++) assert_close(logs->q[i], 2.5 * i, 1e-12, 1e-12);
 }
 
+TEST("across missing values an angle turns as its velocity says, wrapped or not; without one a warning says "
+     "that this is a guess") {
+    enum { ROWS = 100, FIRST = 12, END = 57, SIZE = 1 << 14 };
+    const double turn = 2 * acos(-1);
+    for (int i = 0; i < 4; i++) {
+        const bool wrapped = i % 2 == 1, alone = i >= 2;
+        char all[SIZE] = "t,w,a\n";
+        for (int row = 0; row < ROWS; row++) {
+            const double a = 9 * sin(0.06 * row);
+            lg_append(all, SIZE, "%.2f,%.9f,", 0.01 * row, 54 * cos(0.06 * row));
+            if (row < FIRST || row >= END)
+                lg_append(all, SIZE, "%.9f", wrapped ? a - turn * round(a / turn) : a);
+            lg_append(all, SIZE, "\n");
+        }
+        const lg_logs *logs =
+            read_text(machine(alone ? ANGLE : "coordinates: [{name: a, kind: angle, velocity: w}]\n"), all);
+        for (int row = 0; row < ROWS && !alone; row++)
+            if (!isnan(logs->q[row])) assert_close(logs->q[row], 9 * sin(0.06 * row), 0, 1e-6);
+        assert_true(warns(logs, "across missing values, where no velocity tells the turns") ==
+                    (alone && !wrapped));
+    }
+}
+
 TEST("angles in degrees are recognised") {
     refuse_text(machine(ANGLE), angle_log(2, 4, 180 / acos(-1), 360), "column a: goes from",
                 "scale: {a: 0.0174533}");

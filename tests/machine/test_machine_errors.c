@@ -188,6 +188,28 @@ TEST("few windows: their stretches show the correlation too") {
     for (int k = 0; k < NUMBERS; k++) assert_true(fabs(found[k].value - truth[k]) < 4.0 * found[k].error);
 }
 
+TEST("rows that are in two windows count once in the errors") {
+    enum { WINDOW = 41, STARTS = 2 };
+    lg_identified once[NUMBERS], twice[NUMBERS];
+    const made *m = make(&usual, 0.0, 0.0, 0.02, 7, WINDOW);
+    made *again = make(&usual, 0.0, 0.0, 0.02, 7, WINDOW);
+    const size_t windows = m->problem.windows;
+    again->problem.windows = 2 * windows;
+    again->theta = TEST_ARRAY(double, NUMBERS + STARTS * 2 * windows);
+    memcpy(again->theta, m->theta, NUMBERS * sizeof *m->theta);
+    for (size_t w = 0; w < 2 * windows; w++) {
+        again->start[w] = m->start[w / 2];
+        for (size_t i = 0; i < STARTS; i++) /* in units of the square root of the number of windows */
+            again->theta[NUMBERS + STARTS * w + i] = m->theta[NUMBERS + STARTS * (w / 2) + i] / sqrt(2.0);
+    }
+    assert_true(identify(m, once).block == 0.0);
+    assert_true(identify(again, twice).block == 0.0);
+    for (int k = 0; k < NUMBERS; k++) {
+        assert_true(once[k].error < 0.1 * once[k].value);
+        assert_close(twice[k].error, once[k].error, 1e-6, 0.0);
+    }
+}
+
 TEST("scores of one kind are white, scores that drift are one block, and scores that are not finite say "
      "nothing") {
     enum { COUNT = 64 };

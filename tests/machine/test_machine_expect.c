@@ -99,7 +99,7 @@ static void fit(const lg_machine_problem *p, double *theta) {
 /* The loss of the best fit divided by the expected loss. Starts from the parameters of exact logs. */
 static double ratio_of(logs *l, const lg_machine *machine, const double *truth, const way *w) {
     const lg_machine_problem p = problem_of(l, machine, w);
-    lg_machine_noise noise = {{0}, {0}};
+    lg_machine_noise noise = {.position = {0}};
     lg_machine_expected expected;
     double loss;
     for (int c = 0; c < COLUMNS; c++) noise.position[c] = of_q[c], noise.velocity[c] = of_v[c];

@@ -59,6 +59,12 @@ static lg_status estimate_delay(const lg_context *context, size_t training, lg_m
         least = left;
         best = delay;
     }
+    if (isinf(least))
+        return lg_fail(
+            error, LG_UNSUPPORTED,
+            "%s: `delay: estimate` needs velocities: log them, or give `delay: auto` or a number of "
+            "rows",
+            out->failed);
     lg_log_message(
         context, LG_LOG_WARNING,
         "inputs with `delay: estimate` act %u row%s after they are logged (estimated with a "
@@ -138,11 +144,13 @@ static bool is_confirmed(const lg_machine_data *data, uint32_t coordinate) {
 static void find_noise(const lg_machine_data *data, uint32_t coordinate, bool confirmed, double least,
                        lg_machine_noise *out) {
     const lg_log_coordinate *at = &data->file.coordinates[coordinate];
-    double *position = &out->position[coordinate];
-    *position = fmax(noise_of(data, at->place, at->places, confirmed, least),
-                     noise_of(data, at->attitude, at->attitudes, false, least));
+    /* The angle is twice the change of a quaternion. */
+    out->turn[coordinate] =
+        (at->attitudes == 4 ? 2.0 : 1.0) * noise_of(data, at->attitude, at->attitudes, false, least);
+    out->position[coordinate] =
+        fmax(noise_of(data, at->place, at->places, confirmed, least), out->turn[coordinate]);
+    out->rate[coordinate] = at->velocities == 6 ? noise_of(data, at->velocity + 3, 3, false, least) : 0.0;
     out->velocity[coordinate] = noise_of(data, at->velocity, at->velocities, confirmed, least);
-    if (at->attitudes == 4) *position *= 2.0; /* the rotation angle is twice the change of a quaternion */
 }
 
 /* Unconfirmed noise below 2e-4 of a range is ignored: it does not justify estimated starts, and uneven time

@@ -320,11 +320,9 @@ static void tell_gauge(lg_training *self, const lg_machine *machine, lg_machine_
 static lg_status tell(lg_training *self, lg_machine_verdict *what, lg_error *error) {
     const lg_machine_model_run *run = self->run;
     const lg_machine *machine = &run->machine;
-    const uint64_t done = lg_fit_epochs_done(self->fit);
     lg_result_real(self, "loss", what->loss, "mean over windows and rows");
     lg_result_real(self, "expected_loss", what->expected, "noise and steps leave at most");
-    lg_result_real(self, "validation",
-                   done > 0 ? lg_fit_history(self->fit, LG_FIT_VALIDATION)[done - 1] : NAN,
+    lg_result_real(self, "validation", lg_training_validation(self),
                    "loss of the windows that are not trained on");
     lg_result_whole(self, "windows", run->windows, NULL);
     lg_result_whole(self, "parameters", machine->parameters, NULL);

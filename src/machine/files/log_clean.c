@@ -17,7 +17,7 @@ typedef struct cleaning {
     const lg_machine_coordinate *coordinate;
     const lg_log_coordinate *where;
     /* Of this coordinate: */
-    size_t flips, mended, turns;
+    size_t flips, mended, turns, guessed;
     double worst;         /* largest distance of an attitude from a valid one */
     double along, across; /* sums of squares: of omega along q, of omega */
 } cleaning;
@@ -149,17 +149,30 @@ static steps look_at_steps(const cleaning *c) {
     return s;
 }
 
+/* Across missing values, an angle goes on as its integrated velocity says. */
 static void unwrap(cleaning *c, size_t part) {
     const lg_log_table *table = c->table;
-    double before = NAN, last = 0;
+    const bool moves = c->where->velocities > 0 && table->machine->measured == LG_MEASURED_VELOCITIES;
+    double before = NAN, last = 0, way = 0, speed = 0;
+    bool missing = false;
     for (size_t row = table->first[part]; row < table->first[part + 1]; row++) {
-        double *x = &lg_log_row(table, row)[c->where->place];
-        if (isnan(*x)) continue;
-        const double turns = isnan(before) ? 0 : round((*x - before) / TURN);
+        double *values = lg_log_row(table, row), *x = values + c->where->place;
+        const double was = speed;
+        if (moves && !isnan(values[c->where->velocity])) speed = values[c->where->velocity];
+        if (row > table->first[part])
+            way += 0.5 * (was + speed) * (lg_log_time(table, row) - lg_log_time(table, row - 1));
+        if (isnan(*x)) {
+            missing = true;
+            continue;
+        }
+        const double turns = isnan(before) ? 0 : round((*x - before - (missing ? way : 0)) / TURN);
         c->turns += fabs(turns - last) > 0;
+        c->guessed += missing && !moves && fabs(turns - last) > 0;
         last = turns;
         *x -= TURN * turns;
         before = *x;
+        missing = false;
+        way = 0;
     }
 }
 
@@ -209,6 +222,12 @@ static void tell(const cleaning *c) {
     if (c->turns > 0)
         lg_log_warn(table, "column %s: %zu jumps of 2 pi were undone: the angle is unwrapped", names.text,
                     c->turns);
+    if (c->guessed > 0)
+        lg_log_warn(
+            table,
+            "column %s: %zu of these jumps are across missing values, where no velocity tells the turns: "
+            "if the sensor counts them, set unwrap: false",
+            names.text, c->guessed);
     const double part = c->across > 0 ? sqrt(c->along / c->across) : 0;
     lg_log_names_of(c->table, where->velocity, where->velocities, &names);
     if (part > NOTABLE_OFF)

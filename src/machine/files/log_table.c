@@ -83,7 +83,10 @@ static lg_status append_rows(lg_log_table *t, uint32_t file, const lg_frame *f) 
         const char *name = run < t->columns ? lg_frame_text_of(f, row, &f->want[run]) : "";
         if (run < t->columns && *name == '\0')
             return lg_frame_fail(f, row, columns[run].name, t->error, "the row names no run");
-        t->out->runs += before == NULL || strcmp(name, before) != 0;
+        if (before == NULL || strcmp(name, before) != 0) {
+            t->out->runs++;
+            lg_text_append(&t->names, name, strlen(name) + 1);
+        }
         before = name;
         t->out->rows_read++;
         if (isnan(values[f->want[time].first])) continue;

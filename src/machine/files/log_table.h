@@ -30,6 +30,7 @@ typedef struct lg_log_table {
     uint32_t columns;
     double *data;          /* (rows, columns), scaled; NaN: missing. The time is never missing */
     lg_log_origin *origin; /* (rows) */
+    lg_text names;         /* lg_logs.run_names */
     size_t *first;         /* (parts + 1) first rows of the parts, once they are cut */
     size_t parts;
     lg_logs *out;

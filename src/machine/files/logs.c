@@ -334,7 +334,7 @@ static lg_status read_logs(lg_log_table *t) {
     LG_TRY(lg_log_leave_out_outliers(t));
     LG_TRY(lg_log_find_noise(t));
     if (t->options->consistency) LG_TRY(lg_log_check(t));
-    return t->failed ? lg_log_no_memory(t) : fill(t);
+    return t->failed || t->names.failed ? lg_log_no_memory(t) : fill(t);
 }
 
 static lg_status check_call(const lg_machine_file *file, const char *const *paths, size_t count,
@@ -360,6 +360,7 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
                       .paths = paths,
                       .files = (uint32_t)count,
                       .options = options,
+                      .names = {.context = context},
                       .error = error,
                       .columns = file->column_count};
     LG_TRY_SCRATCH(lg_logs, made, context, 1, lg_log_no_memory(&t));
@@ -367,6 +368,7 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
     made->context = context;
     t.place = lg_alloc(context, count, sizeof *t.place);
     const lg_status status = t.place != NULL ? read_logs(&t) : lg_log_no_memory(&t);
+    made->run_names = t.names.data;
     LG_FREE_ALL(context, t.place, t.data, t.origin, t.first);
     if (status == LG_OK)
         *out = *made;
@@ -378,6 +380,7 @@ lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, c
 void lg_logs_destroy(lg_logs *logs) {
     if (logs == NULL) return;
     lg_machine_filter_destroy(logs->filter);
-    LG_FREE_ALL(logs->context, logs->first, logs->part_file, logs->t, logs->a, logs->warnings);
+    LG_FREE_ALL(logs->context, logs->first, logs->part_file, logs->t, logs->a, logs->warnings,
+                logs->run_names);
     *logs = (lg_logs){.files = 0};
 }

@@ -167,11 +167,15 @@ lg_status lg_training_judge(lg_training *self, double *theta, lg_error *error) {
     return has_results(self, error);
 }
 
+double lg_training_validation(const lg_training *self) {
+    const uint64_t best = lg_fit_best_epoch(self->fit);
+    return best > 0 ? lg_fit_history(self->fit, LG_FIT_VALIDATION)[best - 1] : (double)NAN;
+}
+
 lg_status lg_training_objective(lg_training *self, double *out, lg_error *error) {
     const lg_trainer *trainer = self->recipe->trainer;
     if (trainer->objective != NULL) return trainer->objective(self, out, error);
-    const uint64_t best = lg_fit_best_epoch(self->fit);
-    *out = best > 0 ? lg_fit_history(self->fit, LG_FIT_VALIDATION)[best - 1] : (double)NAN;
+    *out = lg_training_validation(self);
     return LG_OK;
 }
 

@@ -156,6 +156,8 @@ void lg_training_clear(lg_training *self); /* removes all results */
 const lg_result *lg_result_find(const lg_training *self, const char *name);
 /* Calls the trainer's `judge`. LG_OUT_OF_MEMORY also if there was no room for a result. */
 lg_status lg_training_judge(lg_training *self, double *theta, lg_error *error);
+/* The validation loss in the epoch whose parameters are the model, the best one; NaN: none. */
+double lg_training_validation(const lg_training *self);
 /* Call the hook of the trainer, or do its default. */
 lg_status lg_training_objective(lg_training *self, double *out, lg_error *error);
 lg_status lg_training_hold_out(lg_training *self, double part, lg_error *error);
