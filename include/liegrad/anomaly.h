@@ -337,9 +337,9 @@ LG_API lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_j
  *   - A longer gap, and a gap that is still open when a window is complete, gets the last value received.
  *   - Samples lost at the beginning of the feed get the value of the first sample received.
  * Before the first sample is received no window is judged, whatever `missing` allows. Does not allocate or
- * lock (unless the judge does). LG_NOT_FINITE from the judge: the window has no score and counts as one that is
- * not judged. Returns any other status of the judge. If that is not LG_OK, *ready and *verdict are untouched
- * and the window has no vote; pushing may go on. */
+ * lock (unless the judge does). LG_NOT_FINITE from the judge: the window has no score and counts as one that
+ * is not judged. Returns any other status of the judge. If that is not LG_OK, *ready and *verdict are
+ * untouched and the window has no vote; pushing may go on. */
 LG_API lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready, lg_verdict *verdict);
 
 /* ---- a drilling riser ----

@@ -50,12 +50,9 @@ lg_status lg_detector_data_create(const lg_context *context, const lg_detector *
     const size_t numbers = (size_t)model->net.length * model->net.channels;
     LG_CLEAN(lg_detector_data_destroy)
     lg_detector_data made = {.count = count, .dtype = dtype, .context = context};
-    made.x = lg_alloc(context, count, numbers * k->size);
-    made.label = lg_alloc(context, count, sizeof *made.label);
-    LG_SCRATCH(float, window, context, numbers);
-    if (made.x == NULL || made.label == NULL || window == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu scaled windows of %zu numbers", count,
-                       numbers);
+    LG_TRY_SCRATCH(float, window, context, numbers, lg_no_memory(error));
+    if (LG_ALLOC_ALL(context, {&made.x, count, numbers * k->size}, LG_ARRAY(made.label, count)) != LG_OK)
+        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu windows of %zu numbers", count, numbers);
     for (size_t i = 0; i < count; i++) {
         const size_t index = chosen != NULL ? chosen[i] : i;
         char *row = (char *)made.x + i * numbers * k->size;

@@ -1,7 +1,7 @@
 /* Finds units whose output is constant, detects networks that died, and gives those new weights. */
 #include <math.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "kernels/kernels.h"
 #include "anomaly/detector_internal.h"
 #include "nn/cnn.h"
@@ -30,9 +30,9 @@ typedef struct survey {
 } survey;
 
 static void survey_end(survey *s) {
-    const lg_context *context = s->problem->data->context;
+    if (s->problem == NULL) return;
     lg_tape_destroy(s->tape);
-    LG_FREE_ALL(context, s->theta, s->low, s->values, s->samples);
+    LG_FREE_ALL(s->problem->data->context, s->theta, s->low, s->values, s->samples);
 }
 
 /* Returns the number of units of all layers but the output. *largest becomes the number of values that the
@@ -51,7 +51,7 @@ static size_t count_units(const lg_cnn *net, const lg_layers *layout, size_t *la
 static lg_status survey_begin(const lg_detector_problem *problem, const double *theta, survey *out) {
     const lg_detector_data *data = problem->data;
     const lg_kernels *k = lg_kernels_for(data->dtype);
-    survey s = {.problem = problem, .chunk = lg_detector_chunk(problem)};
+    LG_CLEAN(survey_end) survey s = {.problem = problem, .chunk = lg_detector_chunk(problem)};
     lg_tape_options options;
     size_t largest;
     lg_cnn_layout(&problem->model->net, &s.layout);
@@ -59,19 +59,14 @@ static lg_status survey_begin(const lg_detector_problem *problem, const double *
     s.units = count_units(&problem->model->net, &s.layout, &largest);
     lg_tape_options_init(&options);
     options.dtype = data->dtype;
-    lg_status status = LG_ALLOC_ALL(data->context, {&s.theta, s.layout.parameters, k->size},
-                                    LG_ARRAY(s.low, 2 * s.units + 1),
-                                    LG_ARRAY(s.values, s.chunk * largest + 1), LG_ARRAY(s.samples, s.chunk));
-    if (status == LG_OK) status = lg_tape_create(data->context, &options, &s.tape);
-    if (status != LG_OK) {
-        survey_end(&s);
-        return status;
-    }
+    LG_TRY(LG_ALLOC_ALL(data->context, {&s.theta, s.layout.parameters, k->size},
+                        LG_ARRAY(s.low, 2 * s.units + 1), LG_ARRAY(s.values, s.chunk * largest + 1),
+                        LG_ARRAY(s.samples, s.chunk)));
+    LG_TRY(lg_tape_create(data->context, &options, &s.tape));
     k->convert_in(s.layout.parameters, theta, s.theta);
     s.high = s.low + s.units;
     for (size_t i = 0; i < s.units; i++) s.low[i] = INFINITY, s.high[i] = -INFINITY;
-    *out = s;
-    return LG_OK;
+    return LG_GIVE(out, s);
 }
 
 /* Updates low and high (units) with the values (rows, units) of a layer. */

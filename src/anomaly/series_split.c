@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "core/median.h"
 #include "liegrad/core.h"
 #include "liegrad/series.h"
@@ -214,14 +214,11 @@ lg_status lg_series_split(const lg_context *context, const lg_series *series, co
                     .test = test_fraction,
                     .validation = validation_fraction};
     LG_TRY(check_split(&t, parts, error));
-    t.seen = lg_alloc(context, series->classes, sizeof *t.seen);
-    lg_status status = LG_OUT_OF_MEMORY;
-    if (allocate_units(context, windows->count, &t.set) == LG_OK && t.seen != NULL)
-        status = run_split(&t, seed, parts, error);
-    else
-        (void)lg_fail(error, status, "no memory to split %zu windows", windows->count);
+    LG_TRY_SCRATCH(bool, seen, context, series->classes, lg_no_memory(error));
+    t.seen = seen;
+    lg_status status = allocate_units(context, windows->count, &t.set);
+    status = status == LG_OK ? run_split(&t, seed, parts, error) : lg_no_memory(error);
     free_units(context, &t.set);
-    lg_free(context, t.seen);
     return status;
 }
 
@@ -272,10 +269,10 @@ lg_status lg_series_folds(const lg_context *context, const uint32_t *label, cons
     fold_task t = {.folds = folds > 0 ? folds : 1, .classes = 1};
     for (size_t i = 0; i < count; i++)
         if (label[i] >= t.classes) t.classes = (size_t)label[i] + 1;
-    t.total = lg_alloc(context, t.classes, sizeof *t.total);
-    t.held = lg_alloc(context, t.classes, t.folds * sizeof *t.held);
-    lg_status status = LG_OUT_OF_MEMORY;
-    if (allocate_units(context, count, &t.set) == LG_OK && t.total != NULL && t.held != NULL) {
+    lg_status status =
+        LG_ALLOC_ALL(context, LG_ARRAY(t.total, t.classes), LG_ARRAY(t.held, t.classes * t.folds));
+    if (status == LG_OK) status = allocate_units(context, count, &t.set);
+    if (status == LG_OK) {
         for (size_t i = 0; i < count; i++)
             t.set.keys[i] = unit_key(number != NULL ? number[i] : (uint32_t)i, label[i]);
         collect_units(&t.set);
@@ -286,7 +283,6 @@ lg_status lg_series_folds(const lg_context *context, const uint32_t *label, cons
         for (size_t c = 0; c < t.classes; c++)
             if (t.total[c] > 0) fewest = fmin(fewest, t.total[c]);
         if (rarest != NULL) *rarest = (uint32_t)fewest;
-        status = LG_OK;
     }
     free_units(context, &t.set);
     LG_FREE_ALL(context, t.total, t.held);

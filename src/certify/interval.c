@@ -1,17 +1,11 @@
 /* Interval evaluation of programs, without allocation or locks. */
 #include "certify/interval.h"
 
-#include <fenv.h>
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
 LG_AT(lg_interval_destroy, lg_interval)
-
-lg_status lg_interval_nearest(lg_error *error) {
-    if (fegetround() == FE_TONEAREST) return LG_OK;
-    return lg_fail(error, LG_UNSUPPORTED, "bounds need the rounding mode FE_TONEAREST of this thread");
-}
 
 void lg_interval_options_init(lg_interval_options *options) {
     if (options != NULL) *options = (lg_interval_options){.size = sizeof *options};

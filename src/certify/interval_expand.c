@@ -1,5 +1,6 @@
 /* Writes functions of a program as scalar code of one row, without rounding: calls and loops are written out,
  * constants stay as they are. */
+#include <fenv.h>
 #include <math.h>
 #include <string.h>
 
@@ -22,6 +23,11 @@ uint8_t lg_interval_level(const lg_scalars *s, const lg_scalar_code *c) {
                                     from->level};
     }
     return lg_interval_one(c, false, in).level;
+}
+
+lg_status lg_interval_nearest(lg_error *error) {
+    if (fegetround() == FE_TONEAREST) return LG_OK;
+    return lg_fail(error, LG_UNSUPPORTED, "bounds need the rounding mode FE_TONEAREST of this thread");
 }
 
 typedef struct expanding {

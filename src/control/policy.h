@@ -79,9 +79,8 @@ struct lg_policy {
     lg_program *program;
     uint32_t state, inputs; /* numbers in x and u */
     lg_policy_memory memory;
-    lg_policy *warm; /* on the plant with soft friction, where training begins; NULL: none */
-    const lg_policy
-        *believes; /* of a transplanted policy and its draws: whose lags the controller computes */
+    lg_policy *warm;           /* on the plant with soft friction, where training begins; NULL: none */
+    const lg_policy *believes; /* of a transplanted policy, its draws: whose lags the controller computes */
     lg_policy_regulator regulator;
     double scale[LG_POLICY_ERRORS]; /* of the features of a network, by error */
     double G[LG_POLICY_INPUTS *

@@ -227,8 +227,7 @@ lg_status lg_policy_add_slope(lg_policy *p, lg_policy_slope *out, lg_error *erro
     LG_NEEDS(error, p, out);
     LG_TRY(check_energy(p, error));
     if (p->task.coordinate[0].motion == LG_POLICY_LINE)
-        LG_TRY(
-            check_unused(p, 0, "the energy is certified for angles, and lines without a potential", error));
+        LG_TRY(check_unused(p, 0, "the energy is certified for angles, or without a potential", error));
     LG_TRY(lg_policy_probe(p, &machine, error));
     const double damping = machine.damping[0], *task = p->task.gains,
                  kp = p->parameters > 0 ? exp(p->theta[0]) : task[0],

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
+#include "core/clean.h"
 #include "core/portions.h"
 #include "liegrad/program.h"
 #include "elastica/surrogate_internal.h"
@@ -439,6 +439,8 @@ static void place_nodes(judging *j, const lg_surrogate *model, size_t nodes, dou
     for (size_t k = 0; k + 1 < nodes; k++) j->half_way[k] = 0.5 * (j->s[k] + j->s[k + 1]);
 }
 
+LG_AT(lg_surrogate_curves_destroy, lg_surrogate_curves)
+
 lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surrogate *model, const double *theta,
                                 const lg_elastica_curves *curves, const uint32_t *chosen, size_t count,
                                 double *node_error, lg_surrogate_errors *out, lg_error *error) {
@@ -447,19 +449,11 @@ lg_status lg_surrogate_evaluate(const lg_context *context, const lg_surrogate *m
     LG_TRY(lg_surrogate_check_curves(model, curves, error));
     LG_TRY(check_chosen(&j, error));
     const size_t nodes = (size_t)curves->intervals + 1;
-    lg_surrogate_curves *plans = NULL;
+    LG_CLEAN(lg_surrogate_curves_destroy_at) lg_surrogate_curves *plans = NULL;
     LG_TRY(create(context, model, theta, LG_F64, j.count < BLOCK ? j.count : BLOCK, nodes, &plans, error));
-    void *work = lg_alloc(context, 1, lg_surrogate_curves_work_size(plans));
-    double *numbers = lg_alloc(context, 8 * nodes, sizeof(double));
-    lg_status status = LG_OUT_OF_MEMORY;
-    if (work != NULL && numbers != NULL) {
-        place_nodes(&j, model, nodes, numbers);
-        judge_all(&j, plans, work);
-        status = finish(&j, model, node_error, out, error);
-    } else {
-        (void)lg_fail(error, status, "no memory for curves of %zu nodes", nodes);
-    }
-    LG_FREE_ALL(context, numbers, work);
-    lg_surrogate_curves_destroy(plans);
-    return status;
+    LG_TRY_SCRATCH(char, work, context, lg_surrogate_curves_work_size(plans), lg_no_memory(error));
+    LG_TRY_SCRATCH(double, numbers, context, 8 * nodes, lg_no_memory(error));
+    place_nodes(&j, model, nodes, numbers);
+    judge_all(&j, plans, work);
+    return finish(&j, model, node_error, out, error);
 }

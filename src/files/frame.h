@@ -25,9 +25,9 @@
  * Numbers: "", nan, NA, N/A and null are missing (NaN). Infinities are rejected, and so are whole numbers
  * that no double equals, except as times. Times: numbers, or dates with a time and times of day as texts,
  * which become seconds since the first one; a column has one format, and one of dates has no scale. A time
- * that reads as a date without separators when it is in seconds is rejected. Texts: as written; "" if missing. In
- * binary files a whole number is its exact decimal text, a real number the shortest text that reads back as
- * the same number. liegrad/table.h ("tables of numbers") says which files are understood.
+ * that reads as a date without separators when it is in seconds is rejected. Texts: as written; "" if
+ * missing. In binary files a whole number is its exact decimal text, a real number the shortest text that
+ * reads back as the same number. liegrad/table.h ("tables of numbers") says which files are understood.
  *
  * Arrays of more than one number per row (windows, curves, trajectories, weights) are not columns: h5.h reads
  * them from lists that say their names and sizes (lg_h5_array). */

@@ -161,8 +161,8 @@ lg_status lg_h5_look(lg_h5 *h5, const char *name, size_t bytes, lg_h5_about *out
 lg_status lg_h5_look_member(lg_h5 *h5, const char *name, uint32_t index, char *text, size_t size,
                             lg_h5_about *out, lg_error *error);
 /* Reads the numbers of a slice as doubles into the caller's memory, in the order of the file. LG_H5_EXACT:
- * missing numbers (lg_h5_fills) become NaN, an integer that no double equals is LG_FORMAT; LG_H5_RAW: integers of more than four bytes are not converted,
- * see lg_h5_about.raw. */
+ * missing numbers (lg_h5_fills) become NaN, an integer that no double equals is LG_FORMAT; LG_H5_RAW:
+ * integers of more than four bytes are not converted, see lg_h5_about.raw. */
 typedef enum lg_h5_long { LG_H5_EXACT, LG_H5_RAW } lg_h5_long;
 lg_status lg_h5_get_slice(lg_h5 *h5, const lg_h5_slice *slice, lg_h5_long as, double *out, lg_error *error);
 /* Number of indices along an axis that are best read at once: about a megabyte, or whole chunks if these have

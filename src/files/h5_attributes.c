@@ -75,18 +75,6 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
     return LG_OK;
 }
 
-void lg_h5_fills(lg_h5 *h5, const char *name, double fill[LG_H5_FILLS]) {
-    LG_QUIET;
-    for (int i = 0; i < LG_H5_FILLS; i++) fill[i] = NAN;
-    (void)lg_h5_number(h5, name, "_FillValue", LG_ELEMENT_F64, &fill[0], NULL);
-    if (!lg_attribute_exists(h5, name, "missing_value")) return;
-    LG_ID attribute_id = H5Aopen_by_name(h5->file, name, "missing_value", H5P_DEFAULT, h5->links),
-          stored = H5Aget_type(attribute_id), space = H5Aget_space(attribute_id);
-    const hssize_t count = H5Sget_simple_extent_npoints(space);
-    if (count > 0 && count < LG_H5_FILLS && lg_is_number(stored))
-        (void)H5Aread(attribute_id, H5T_NATIVE_DOUBLE, &fill[1]);
-}
-
 /* ---- the file's own attributes ---- */
 
 static lg_status check_version(lg_h5 *h5, lg_error *error) {

@@ -298,6 +298,22 @@ static lg_status rounded(const lg_h5 *h5, const char *name, const lg_dataset *d,
                    (unsigned long long)magnitude);
 }
 
+void lg_h5_fills(lg_h5 *h5, const char *name, double fill[LG_H5_FILLS]) {
+    static const char *const attributes[] = {"_FillValue", "missing_value"};
+    hssize_t used = 0;
+    LG_QUIET;
+    for (int i = 0; i < LG_H5_FILLS; i++) fill[i] = NAN;
+    for (size_t a = 0; a < LG_COUNT(attributes); a++) {
+        if (!lg_attribute_exists(h5, name, attributes[a])) continue;
+        LG_ID at = H5Aopen_by_name(h5->file, name, attributes[a], H5P_DEFAULT, h5->links),
+              stored = H5Aget_type(at), space = H5Aget_space(at);
+        const hssize_t count = H5Sget_simple_extent_npoints(space);
+        if (count > 0 && used + count <= LG_H5_FILLS && lg_is_number(stored) &&
+            H5Aread(at, H5T_NATIVE_DOUBLE, fill + used) >= 0)
+            used += count;
+    }
+}
+
 /* Reads `count` numbers as doubles; number `first` of the data set is the first one. Long integers are read
  * as they are, and converted in place unless they are to stay raw. */
 static lg_status read_doubles(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t room, hid_t part,

@@ -48,8 +48,7 @@ static const struct {
      "potential.x^2"},
     {"measured: positions\ncoordinates: [{name: x, kind: line}]\ncolumns: {run: run}\n"
      "inputs: {columns: [u, w], delay: estimate}\n" LAW MAP,
-     "all.csv", "", 3,
-     "`delay: estimate` needs velocities: log them, or give `delay: auto` or a number of rows"},
+     "all.csv", "", 3, "`delay: estimate` needs velocities: log them, or give `delay: auto` or a number"},
     {"measured: velocities-only\n" LINE INPUT "mass: diagonal\ndamping: diagonal\n" MAP, "all.csv", "", 0,
      "damping.x"},
     {"noise: {x: 0.01, v: 0.02}\n" LINE INPUT LAW MAP, "all.csv", "", 0, "potential.x^2"},

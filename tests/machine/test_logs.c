@@ -544,7 +544,7 @@ TEST("across missing values an angle turns as its velocity says, wrapped or not;
             read_text(machine(alone ? ANGLE : "coordinates: [{name: a, kind: angle, velocity: w}]\n"), all);
         for (int row = 0; row < ROWS && !alone; row++)
             if (!isnan(logs->q[row])) assert_close(logs->q[row], 9 * sin(0.06 * row), 0, 1e-6);
-        assert_true(warns(logs, "across missing values, where no velocity tells the turns") ==
+        assert_true(warns(logs, "across missing values, where no velocity counts turns") ==
                     (alone && !wrapped));
     }
 }

@@ -171,28 +171,24 @@ static bool has_units(const uint32_t *unit, size_t count) {
     return alike && other;
 }
 
-static bool is_tested(const lg_detector_state *s, uint32_t class) {
-    bool is = false;
-    for (size_t i = 0; i < s->tested.count && !is; i++)
-        is = s->all.data.series.label[s->all.windows.first[s->tested.list[i]]] == class;
-    return is;
-}
-
 static void warn_of_cut(const lg_training *self) {
     const lg_detector_run *run = self->run;
-    const lg_series *series = &((lg_detector_state *)self->state)->all.data.series;
+    const lg_detector_state *s = self->state;
+    const lg_series *series = &s->all.data.series;
     const char *unit = has_units(series->group, series->count) ? "group"
                        : has_units(series->run, series->count) ? "run"
                                                                : NULL;
     const bool alone = run->split == LG_SPLIT_RANDOM;
-    for (uint32_t c = 0; run->test_fraction > 0 && c < series->classes; c++)
-        if (!is_tested(self->state, c))
+    for (uint32_t c = 0, i; run->test_fraction > 0 && c < series->classes; c++) {
+        for (i = 0; i < s->tested.count && series->label[s->all.windows.first[s->tested.list[i]]] != c;) i++;
+        if (i == s->tested.count)
             LG_WARN(
                 self,
                 "the test part has no window of class '%s', so no figure says how well it is found: give a "
                 "larger --test-fraction, or --test FILE",
                 series->class_name[c]);
-    if (run->validation_fraction > 0 && ((lg_detector_state *)self->state)->validation.count == 0)
+    }
+    if (run->validation_fraction > 0 && s->validation.count == 0)
         LG_WARN(self,
                 "--validation-fraction %g: this fraction of the %ss is too small for one window: there is no "
                 "validation, and the parameters of the last epoch are kept",

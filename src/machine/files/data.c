@@ -60,11 +60,9 @@ static lg_status estimate_delay(const lg_context *context, size_t training, lg_m
         best = delay;
     }
     if (isinf(least))
-        return lg_fail(
-            error, LG_UNSUPPORTED,
-            "%s: `delay: estimate` needs velocities: log them, or give `delay: auto` or a number of "
-            "rows",
-            out->failed);
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "%s: `delay: estimate` needs velocities: log them, or give `delay: auto` or a number",
+                       out->failed);
     lg_log_message(
         context, LG_LOG_WARNING,
         "inputs with `delay: estimate` act %u row%s after they are logged (estimated with a "

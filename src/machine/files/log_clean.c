@@ -225,7 +225,7 @@ static void tell(const cleaning *c) {
     if (c->guessed > 0)
         lg_log_warn(
             table,
-            "column %s: %zu of these jumps are across missing values, where no velocity tells the turns: "
+            "column %s: %zu of these jumps are across missing values, where no velocity counts turns: "
             "if the sensor counts them, set unwrap: false",
             names.text, c->guessed);
     const double part = c->across > 0 ? sqrt(c->along / c->across) : 0;

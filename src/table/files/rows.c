@@ -15,21 +15,15 @@ static const char *class_column(const lg_table_state *s) {
 
 /* ---- reading ---- */
 
-static lg_status load(const lg_context *context, const char *path, const lg_table_names *inputs,
-                      const lg_table_names *outputs, const char *classes, lg_table_sheet *out,
-                      lg_error *error) {
+lg_status lg_table_sheet_read(const lg_context *context, const char *path, const lg_table_names *inputs,
+                              const lg_table_names *outputs, const char *class_column, lg_table_sheet *out,
+                              lg_error *error) {
     const uint32_t count = inputs->count + outputs->count;
     *out = (lg_table_sheet){.path = path, .inputs = inputs->count, .outputs = outputs->count};
     LG_TRY_SCRATCH(const char *, names, context, count, lg_fail(error, LG_OUT_OF_MEMORY, "out of memory"));
     for (uint32_t i = 0; i < count; i++)
         names[i] = i < inputs->count ? inputs->name[i] : outputs->name[i - inputs->count];
-    return lg_table_read(context, path, names, count, classes, NULL, &out->data, error);
-}
-
-lg_status lg_table_sheet_read(const lg_context *context, const char *path, const lg_table_names *inputs,
-                              const lg_table_names *outputs, const char *class_column, lg_table_sheet *out,
-                              lg_error *error) {
-    return load(context, path, inputs, outputs, class_column, out, error);
+    return lg_table_read(context, path, names, count, class_column, NULL, &out->data, error);
 }
 
 /* Leaves out rows with missing cells, and warns of them. */
@@ -97,7 +91,7 @@ static bool is_readable(const lg_training *self, const lg_table_names *inputs) {
     lg_context *quiet = NULL;
     lg_status status = lg_context_quiet(self->context, &quiet);
     if (status != LG_OK) return false;
-    status = load(quiet, self->paths[0], inputs, &s->outputs, class_column(s), &sheet, NULL);
+    status = lg_table_sheet_read(quiet, self->paths[0], inputs, &s->outputs, class_column(s), &sheet, NULL);
     lg_table_data_destroy(&sheet.data);
     lg_context_destroy(quiet);
     return status == LG_OK;
