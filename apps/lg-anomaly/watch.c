@@ -77,12 +77,10 @@ static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *
     LG_TRY(well_model_score(b->model, x, b->score, NULL, b->work));
     b->given = lg_metrics_class(b->score, b->names->classes);
     *score = well_model_alarm(b->model, b->score);
-    if (isnan(*score)) return LG_NOT_FINITE;
     *answer = b->given != b->model->healthy ? LG_ANSWER_POSITIVE : LG_ANSWER_NEGATIVE;
-    if (b->novelty_work == NULL) return LG_OK;
-    lg_novelty_eval(b->usual, x, &b->novelty, b->features, b->novelty_work);
-    if (is_unlike(b, missing)) *answer = LG_ANSWER_NOVEL;
-    return LG_OK;
+    if (b->novelty_work != NULL) lg_novelty_eval(b->usual, x, &b->novelty, b->features, b->novelty_work);
+    if (b->novelty_work != NULL && is_unlike(b, missing)) *answer = LG_ANSWER_NOVEL;
+    return isnan(*score) && *answer != LG_ANSWER_NOVEL ? LG_NOT_FINITE : LG_OK;
 }
 
 /* ---- sensors that send no numbers ---- */

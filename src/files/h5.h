@@ -195,16 +195,11 @@ lg_status lg_h5_text(lg_h5 *h5, const char *object, const char *name, char *out,
 /* Reads an attribute with one element. `type` is F64, I64, U64 or U32, and must hold the number exactly. */
 lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_element type, void *out,
                        lg_error *error);
-/* Reads the attributes _FillValue and missing_value of netCDF: the numbers of a data set that stand for a
- * missing one, of which missing_value may have several. The others are NaN. A number that is no float also
- * stands for the float that is nearest to it (lg_h5_is_fill). */
+/* Reads netCDF's attributes _FillValue and missing_value: numbers that stand for a missing one; the others
+ * become NaN. lg_h5_is_fill: whether `value` is one of them, or the float that is nearest to one. */
 enum { LG_H5_FILLS = 9 };
 void lg_h5_fills(lg_h5 *h5, const char *name, double fill[LG_H5_FILLS]);
-static inline bool lg_h5_is_fill(const double fill[LG_H5_FILLS], double value) {
-    bool is = false;
-    for (int i = 0; i < LG_H5_FILLS; i++) is = is || value == fill[i] || value == (double)(float)fill[i];
-    return is;
-}
+bool lg_h5_is_fill(const double fill[LG_H5_FILLS], double value);
 /* Reads every numeric data set and every attribute once. The probe of an archive does this. */
 lg_status lg_h5_read_all(lg_h5 *h5, lg_error *error);
 /* Whether the attribute `format` says that this library wrote the file. */

@@ -314,6 +314,14 @@ void lg_h5_fills(lg_h5 *h5, const char *name, double fill[LG_H5_FILLS]) {
     }
 }
 
+bool lg_h5_is_fill(const double fill[LG_H5_FILLS], double value) {
+    for (int i = 0; i < LG_H5_FILLS; i++) {
+        const double near = fabs(fill[i]) <= (double)FLT_MAX ? (double)(float)fill[i] : 0.0;
+        if (value == fill[i] || (near != 0.0 && value == near)) return true;
+    }
+    return false;
+}
+
 /* Reads `count` numbers as doubles; number `first` of the data set is the first one. Long integers are read
  * as they are, and converted in place unless they are to stay raw. */
 static lg_status read_doubles(lg_h5 *h5, const char *name, const lg_dataset *d, hid_t room, hid_t part,
@@ -323,18 +331,19 @@ static lg_status read_doubles(lg_h5 *h5, const char *name, const lg_dataset *d, 
     const hid_t type = whole ? lg_h5_long_type(d->type) : H5T_NATIVE_DOUBLE;
     double fill[LG_H5_FILLS];
     LG_TRY(read_part(h5, name, d, type, room, part, whole || checked, out, error));
-    for (uint64_t i = 0; i < count && as != LG_H5_RAW && whole; i++) {
+    if (as == LG_H5_RAW) return LG_OK;
+    lg_h5_fills(h5, name, fill);
+    for (uint64_t i = 0; i < count; i++) {
         uint64_t bits;
         memcpy(&bits, &out[i], sizeof bits);
         const bool minus = type == H5T_NATIVE_INT64 && bits >> 63 != 0;
         const uint64_t magnitude = minus ? ~bits + 1 : bits;
-        if (as == LG_H5_EXACT && lg_whole_is_rounded(magnitude))
+        if (whole) out[i] = minus ? -(double)magnitude : (double)magnitude;
+        if (lg_h5_is_fill(fill, out[i]))
+            out[i] = NAN;
+        else if (whole && lg_whole_is_rounded(magnitude))
             return rounded(h5, name, d, first + i, minus, magnitude, error);
-        out[i] = minus ? -(double)magnitude : (double)magnitude;
     }
-    lg_h5_fills(h5, name, fill);
-    for (uint64_t i = 0; i < count && as != LG_H5_RAW; i++)
-        if (lg_h5_is_fill(fill, out[i])) out[i] = NAN;
     return LG_OK;
 }
 

@@ -88,9 +88,10 @@ static bool repeats(const lg_fit *fit, lg_fit_recording *r, const uint32_t *samp
 static lg_status bring(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
                        lg_fit_recording **out) {
     *out = NULL;
+    if (shard->part == NULL)
+        LG_TRY(LG_ALLOC_ALL(fit->context, {&shard->part, fit->problem.parameters, fit->k->size}));
     if (shard->recordings == NULL)
-        LG_TRY(LG_ALLOC_ALL(fit->context, {&shard->part, fit->problem.parameters, fit->k->size},
-                            LG_ARRAY(shard->recordings, LG_FIT_RECORDINGS)));
+        LG_TRY(LG_ALLOC_ALL(fit->context, LG_ARRAY(shard->recordings, LG_FIT_RECORDINGS)));
     for (size_t i = 0; i < LG_FIT_RECORDINGS; i++) {
         lg_fit_recording *r = &shard->recordings[i];
         if (r->count != count || !repeats(fit, r, samples)) continue;

@@ -10,8 +10,7 @@ enum { CHANNELS = 2, WINDOW = 10, ROOM = 1 << 16 };
 typedef struct witness {
     uint32_t channels, window, seen, missing;
     float x[CHANNELS * 512];
-    const char
-        *script; /* one letter per window: p positive, n novel, f failure, u unknown, others negative */
+    const char *script; /* one letter per window: p positive, n novel, f failure, others negative */
 } witness;
 
 static lg_status look(void *user, const float *x, uint32_t missing, lg_answer *given, double *score) {
@@ -22,7 +21,7 @@ static lg_status look(void *user, const float *x, uint32_t missing, lg_answer *g
     w->missing = missing;
     *given = answer == 'p' ? LG_ANSWER_POSITIVE : answer == 'n' ? LG_ANSWER_NOVEL : LG_ANSWER_NEGATIVE;
     *score = answer == 'p' ? 0.75 : 0.25;
-    return answer == 'f' ? LG_NO_CONVERGENCE : answer == 'u' ? LG_NOT_FINITE : LG_OK;
+    return answer == 'f' ? LG_NO_CONVERGENCE : LG_OK;
 }
 
 static _Alignas(64) unsigned char memory[ROOM];
@@ -263,23 +262,6 @@ TEST("if the judge fails there is a verdict without a vote") {
     assert_int_equal(v.window, 2);
     assert_int_equal(v.votes, 2);
     assert_int_equal(v.positive_votes, 1);
-}
-
-TEST("a window without a score counts as not judged, and the alarm stays as it is") {
-    lg_monitor_options options = options_of(CHANNELS, 2, 0);
-    options.votes = 1;
-    options.votes_of = 1;
-    witness w = {.seen = 0, .script = "pu-"};
-    lg_monitor *watch = start(&options, &w);
-    lg_verdict v = {.window = 99};
-    for (uint64_t i = 0; i < 6; i++) {
-        (void)push(watch, i, false, &v);
-        if (i < 1) continue;
-        assert_int_equal(v.window, (i - 1) / 2);
-        assert_int_equal(v.judged, i < 3 || i > 4);
-        assert_int_equal(v.alarm, i < 5);
-        assert_int_equal(v.votes, 1);
-    }
 }
 
 TEST("values that are not finite count as lost samples") {

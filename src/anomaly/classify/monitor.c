@@ -195,11 +195,8 @@ lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready,
                     .missing = monitor->missing};
     if (v.judged) {
         copy_window(monitor);
-        const lg_status status =
-            monitor->judge(monitor->user, monitor->x, monitor->missing, &v.answer, &v.score);
-        v.judged = status != LG_NOT_FINITE;
-        if (v.judged) LG_TRY(status);
-        if (v.judged) vote(monitor, v.answer);
+        LG_TRY(monitor->judge(monitor->user, monitor->x, monitor->missing, &v.answer, &v.score));
+        vote(monitor, v.answer);
     }
     v.positive_votes = (uint32_t)__builtin_popcountll(monitor->ballots);
     v.votes = monitor->cast;

@@ -206,12 +206,13 @@ static lg_status pow_forward(lg_evaluation *e) {
         e->k->unary[LG_K_POW](e->count, e->attr->c, e->x[0], e->y);
     return LG_OK;
 }
-/* c x^(c-1) g: exact zeros for c = 0, and no call of pow for c = 1 and c = 2. c - 1 is rounded to a, so that
- * x^(c-1) = x^a x^rest. */
+/* c x^(c-1) g: exact zeros for c = 0, and no call of pow for c = 1 and c = 2. For c < 1/2 the difference
+ * c - 1 is rounded to a: x^(c-1) = x^a x^rest, and rest < 0 gives the right limits at 0 and infinity. */
 static lg_var pow_times(lg_tape *t, lg_var x, double c, lg_var g) {
-    const double a = c - 1.0, one = c - a, rest = (c - (a + one)) - (1.0 - one);
+    double a = c - 1.0, one = c - a, rest = (c - (a + one)) - (1.0 - one);
     if (c == 0.0) return lg_scale(t, g, 0.0);
     if (c == 1.0) return g;
+    if (rest > 0.0) rest -= nextafter(a, 0.0) - a, a = nextafter(a, 0.0);
     if (rest != 0.0) g = lg_mul(t, g, lg_pow(t, x, rest));
     return lg_scale(t, lg_mul(t, g, c == 2.0 ? x : lg_pow(t, x, a)), c);
 }

@@ -152,26 +152,27 @@ static steps look_at_steps(const cleaning *c) {
 /* Across missing values, an angle goes on as its integrated velocity says. */
 static void unwrap(cleaning *c, size_t part) {
     const lg_log_table *table = c->table;
-    const bool moves = c->where->velocities > 0 && table->machine->measured == LG_MEASURED_VELOCITIES;
+    const bool measured = c->where->velocities > 0 && table->machine->measured == LG_MEASURED_VELOCITIES;
     double before = NAN, last = 0, way = 0, speed = 0;
-    bool missing = false;
+    bool missing = false, blind = false; /* blind: a velocity is missing, too */
     for (size_t row = table->first[part]; row < table->first[part + 1]; row++) {
         double *values = lg_log_row(table, row), *x = values + c->where->place;
-        const double was = speed;
-        if (moves && !isnan(values[c->where->velocity])) speed = values[c->where->velocity];
+        const double was = speed, now = measured ? values[c->where->velocity] : (double)NAN;
+        if (!isnan(now)) speed = now;
         if (row > table->first[part])
             way += 0.5 * (was + speed) * (lg_log_time(table, row) - lg_log_time(table, row - 1));
         if (isnan(*x)) {
             missing = true;
+            blind = blind || isnan(now);
             continue;
         }
         const double turns = isnan(before) ? 0 : round((*x - before - (missing ? way : 0)) / TURN);
         c->turns += fabs(turns - last) > 0;
-        c->guessed += missing && !moves && fabs(turns - last) > 0;
+        c->guessed += missing && (blind || isnan(now)) && fabs(turns - last) > 0;
         last = turns;
         *x -= TURN * turns;
         before = *x;
-        missing = false;
+        missing = blind = false;
         way = 0;
     }
 }
