@@ -233,11 +233,11 @@ LG_API lg_status lg_certify_attitude(const double *A, double damping, lg_certify
 /* The loop J w' + w x J w = -k z - D w with R' = R hat(w), z = 2 sin(a/2) cos(a/2)/r(cos(a/2)) n, r(x) =
  * sqrt(x^2 + 1e-6), where a in [0, pi] is the angle and n the axis of Q = R_goal^T R: the feedback of the
  * kind energy of liegrad/policy.h, which is smooth. V = w.J w/2 + Phi, Phi = 4 k (r(1) - r(cos(a/2))), falls
- * with w.D w. Phi is critical at Q = 1, and at the angle pi, where it is 4 k (r(1) - 1e-3) = 3.996 k. In {V <
- * this} the angle is below pi; by LaSalle's theorem motions converge to Q = 1. The torque is that of inputs
- * u_l = -g_l.(k_p z + k_d w) as long as they are inside of limits: the level is the largest c up to 3.996 k
- * at which |g_l.z| <= |g_l| |z| and |g_l.w|^2 <= g_l.J^-1 g_l 2 (c - Phi) prove |u_l| <= limit_l. The form
- * of the loop is the caller's statement. */
+ * with w.D w. Phi is critical at Q = 1, and at the angle pi, where it is 4 k (r(1) - 1e-3) = 3.996 k. Where
+ * V is below 3.996 k the angle is below pi; by LaSalle's theorem motions converge to Q = 1. The inputs
+ * u_l = -g_l.(k_p z + k_d w) give this torque while they stay within their limits: the level is the largest
+ * c up to 3.996 k at which |g_l.z| <= |g_l| |z| and |g_l.w|^2 <= g_l.J^-1 g_l 2 (c - Phi) prove |u_l| <=
+ * limit_l. The form of the loop is the caller's statement. */
 typedef struct lg_certify_rotation_spec {
     size_t size;        /* sizeof(lg_certify_rotation_spec) */
     double J[9];        /* (3, 3) symmetric, positive definite */

@@ -682,7 +682,7 @@ typedef struct lg_machine_file {
     lg_log_measured measured;
     bool hold_given; /* The file has the key `hold`. */
     /* Jumps of angles by more than pi are taken as turns and undone; true by default. Across missing values
-     * the integrated velocity tells the turns. */
+     * the integrated velocity gives the turns. */
     bool unwrap;
     double max_step; /* Longer steps are gaps; seconds. 0: 1.4 times the median step. */
     /* Indices of the columns of time and run; `run` equals column_count when there is no such column. */

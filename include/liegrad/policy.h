@@ -278,13 +278,13 @@ LG_API uint32_t lg_policy_tracked(const lg_policy_task *task);
 /* ---- disturbances ---- */
 
 /* Replaces the disturbances of the policy's task by the disturbances of the task `by`, so that the policy
- * can be judged under them. Both tasks must have the same coordinates, but for those that lg_policy_create
+ * can be evaluated under them. Both tasks must have the same coordinates, except those that lg_policy_create
  * adds. Errors: LG_SHAPE (other coordinates), LG_INVALID_ARGUMENT, those of lg_program_add_function. */
 LG_API lg_status lg_policy_disturb(lg_policy *policy, const lg_policy_task *by, lg_error *error);
 /* Adds another machine that the policy must serve too, such as a draw from the covariance of a fit. Training
  * and judgement of disturbed runs take the machines that were added in turn; without one they take the
  * policy's machine. The inputs act as late as those of the policy's machine. The policy takes ownership of
- * the plant. Errors: those of lg_policy_create, LG_SHAPE (the state has another number of numbers). */
+ * the plant. Errors: those of lg_policy_create, LG_SHAPE (the state has another dimension). */
 LG_API lg_status lg_policy_add_draw(lg_policy *policy, lg_program *plant, lg_error *error);
 /* Whether the task has noise, a delay or draws. */
 LG_API bool lg_policy_is_disturbed(const lg_policy_task *task);
@@ -353,8 +353,8 @@ LG_API void lg_policy_trainer_destroy(lg_policy_trainer *trainer);
  * lg_policy_evaluate of the copy shows what a difference between machine and model does. The regulator and
  * theta are the policy's. The integrator takes so many steps in a period that its error stays below
  * 1e-6. The inputs of the plant act `dead_time` (inputs) seconds late; NULL: the dead times of the policy.
- * The controller does not know the new plant: it still uses the dead time and the lag of its own model, under
- * disturbances too. The policy must outlive the copy.
+ * The controller does not know the new plant: it still uses the dead time and the lag of its own model, also
+ * under disturbances. The policy must outlive the copy.
  * Errors: those of lg_policy_create, LG_UNSUPPORTED (other dead times of a plant without velocities). */
 LG_API lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, const double *dead_time,
                                       lg_policy **out, lg_error *error);

@@ -506,7 +506,7 @@ enum { LG_MACHINE_MOST_WINDOWS = 512 };
  * machine, with the starts eliminated window by window, r the residuals. At most LG_MACHINE_MOST_WINDOWS
  * windows are used; R is scaled as if it came from all. `lagged` (n, n), zeros on entry: [J r]^T [J r] with
  * the second factor one row of the log later. `numbers`: independent residuals of different rows, less what
- * the starts take. Both count the used windows alone. */
+ * the starts take. `lagged` and `numbers` count only the used windows. */
 lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
                               const double *theta, double *triangle, double *lagged, double *numbers,
                               lg_error *error);
