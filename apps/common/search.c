@@ -396,6 +396,7 @@ static lg_status read_table(searching *search, lg_error *error) {
         search->work.known[number] = true;
     }
     search->written = search->count;
+    if (search->count > 0) app_continue(search_given.out);
     return status == LG_NOT_FOUND ? LG_OK : status;
 }
 

@@ -3,8 +3,8 @@
 #include <string.h>
 
 #include "control/policy.h"
+#include "files/frame.h"
 #include "lg-control/control_app.h"
-#include "liegrad/table.h"
 
 typedef struct evaluate_values {
     const char *plant, *disturb, *reference, *out;
@@ -105,15 +105,13 @@ typedef struct following {
     const lg_policy_task *task;
     size_t positions, velocities, numbers; /* numbers: in `reference` */
     uint32_t place[LG_POLICY_COORDINATES]; /* of a tracked coordinate: of its position, and velocity */
-    const char *column[2 * LG_POLICY_COORDINATES + 1];
-    uint32_t tracked, columns;
-    lg_table_data table; /* time, set points, then their rates if the file has them */
+    uint32_t tracked;
+    lg_frame table;
+    lg_frame_want want[2 * LG_POLICY_COORDINATES + 1]; /* time, set points, their rates */
 } following;
 
-static void lay_out(following *f, const char *path) {
-    APP_CLEAN(lg_table_names_destroy) lg_table_names names = {.count = 0};
-    bool rates = true;
-    f->column[f->columns++] = "t";
+static void choose_columns(following *f) {
+    f->want[0] = (lg_frame_want){.name = "t", .as = LG_FRAME_TIME, .complete = true};
     for (uint32_t i = 0; i < f->task->coordinate_count; i++) {
         const lg_policy_coordinate *c = &f->task->coordinate[i];
         if (c->motion > LG_POLICY_ANGLE)
@@ -124,41 +122,47 @@ static void lay_out(following *f, const char *path) {
         f->velocities += c->velocity[0] != '\0';
         if (!c->track) continue;
         f->place[f->tracked++] = i;
-        f->column[f->columns++] = c->name;
+        f->want[f->tracked] = (lg_frame_want){.name = c->name, .complete = true};
     }
     if (f->tracked == 0)
         app_stop(f->self, LG_FORMAT,
                  "--reference: the policy's task tracks no coordinate; give it track: [NAME]");
     f->numbers = f->tracked * (f->velocities > 0 ? 2 : 1);
-    APP_FILE(f->self, path, lg_table_names_read, NULL, &names);
-    for (uint32_t k = 0; k < f->tracked; k++) {
-        const char *wanted = f->task->coordinate[f->place[k]].velocity;
-        bool found = false;
-        for (uint32_t i = 0; i < names.count; i++) found = found || strcmp(names.name[i], wanted) == 0;
-        rates = rates && found && wanted[0] != '\0';
-    }
-    for (uint32_t k = 0; rates && k < f->tracked; k++)
-        f->column[f->columns++] = f->task->coordinate[f->place[k]].velocity;
-    APP_FILE(f->self, path, lg_table_read, f->column, f->columns, NULL, NULL, &f->table);
-    for (size_t i = 0; i < f->table.rows * f->columns; i++)
-        if (!isfinite(f->table.values[i]))
-            app_stop(f->self, LG_FORMAT, "%s: %s %zu: column %s has no number", path, f->table.place,
-                     f->table.line[i / f->columns], f->column[i % f->columns]);
-    for (size_t i = 1; i < f->table.rows; i++)
-        if (!(f->table.values[i * f->columns] > f->table.values[(i - 1) * f->columns]))
-            app_stop(f->self, LG_FORMAT, "%s: %s %zu: the time t does not increase", path, f->table.place,
-                     f->table.line[i]);
+    for (uint32_t k = f->tracked; k < f->numbers; k++)
+        f->want[1 + k] = (lg_frame_want){.name = f->task->coordinate[f->place[k - f->tracked]].velocity,
+                                         .complete = true,
+                                         .optional = true};
 }
 
-/* Straight lines between the rows. Without columns of rates the rates are 0. *row: where to begin. */
+static void lay_out(following *f, const char *path) {
+    lg_frame *table = &f->table;
+    choose_columns(f);
+    *table = (lg_frame){.context = f->self->context, .path = path, .what = "table", .want = f->want};
+    table->wants = 1 + f->numbers;
+    APP_MUST_FILE(f->self, path, lg_frame_open(table, &error));
+    APP_MUST_FILE(f->self, path, lg_frame_next(table, SIZE_MAX, &error));
+    if (table->rows == 0) app_stop(f->self, LG_FORMAT, "%s: has no rows: add some", path);
+    if (table->cut) app_warn(f->self, "%s: the last line was cut off and left out", path);
+    for (size_t i = 1; i < table->rows; i++)
+        if (!(table->value[i * table->width] > table->value[(i - 1) * table->width]))
+            APP_MUST_FILE(
+                f->self, path,
+                lg_frame_fail(
+                    table, i, "t", &error,
+                    "the time does not increase: sort the rows, and remove those that repeat a time"));
+}
+
+/* Straight lines between the rows. Rates without a column are 0. *row: where to begin. */
 static void reference_at(const following *f, double t, size_t *row, double *out) {
-    const double *all = f->table.values;
-    const size_t n = f->columns, last = f->table.rows - 1;
+    const double *all = f->table.value;
+    const size_t n = f->table.width, last = f->table.rows - 1;
     while (*row < last && all[(*row + 1) * n] <= t) ++*row;
     const double *a = all + *row * n, *b = *row < last ? a + n : a;
     const double part = b > a ? (t - a[0]) / (b[0] - a[0]) : 0;
-    memset(out, 0, f->numbers * sizeof *out);
-    for (size_t i = 1; i < n; i++) out[i - 1] = a[i] + part * (b[i] - a[i]);
+    for (size_t k = 0; k < f->numbers; k++) {
+        const lg_frame_want *want = &f->want[1 + k];
+        out[k] = want->there ? a[want->first] + part * (b[want->first] - a[want->first]) : 0;
+    }
 }
 
 /* The functions of a run; without velocities the state is the positions, and there are only two. */
@@ -170,7 +174,7 @@ typedef struct sums {
 
 static void run_along(const following *f, lg_plan *const *plan, double *x, void *work, sums *sum,
                       double *saturated) {
-    const double begin = f->table.values[0], end = f->table.values[(f->table.rows - 1) * f->columns];
+    const double begin = f->table.value[0], end = f->table.value[(f->table.rows - 1) * f->table.width];
     const size_t steps = (size_t)((end - begin) / f->task->period) + 1, nq = f->positions;
     double seen[2 * LG_POLICY_COORDINATES] = {0}, reference[2 * LG_POLICY_COORDINATES], u[LG_POLICY_INPUTS];
     double *next = x + lg_plan_input_count(plan[PERIOD], 0);
@@ -227,7 +231,7 @@ static void follow(const app *self, const lg_policy *policy, const char *path, a
     APP_FREE void *work = app_alloc(plans.work, 1);
     run_along(&f, plans.plan, x, work, sum, &saturated);
     tell_errors(&f, out, sum, saturated);
-    lg_table_data_destroy(&f.table);
+    lg_frame_close(&f.table);
 }
 
 /* ---- the command ---- */

@@ -582,7 +582,7 @@ lg_status lg_policy_add_draw(lg_policy *policy, lg_program *plant, lg_error *err
         return lg_fail(error, LG_INVALID_ARGUMENT, "the policy's task has no disturbances");
     LG_TRY(transplant(policy, plant, NULL, DRAWN, &drawn, error));
     if (drawn->state != policy->state)
-        return lg_fail(error, LG_SHAPE, "the other machine has %u numbers as state, the policy's has %u",
+        return lg_fail(error, LG_SHAPE, "the other machine's state has %u numbers, the policy's has %u",
                        drawn->memory.plant, policy->memory.plant);
     const size_t count = policy->draw_count;
     lg_policy **draws = lg_widen(policy->context, policy->draws, count, count + 1, sizeof *draws);

@@ -54,8 +54,9 @@ lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error) {
 static lg_status missing_column(lg_frame *f, const char *name, lg_error *error) {
     lg_name_list have = {.used = 0};
     for (uint32_t i = 0; i < f->columns; i++) lg_name_list_add(&have, lg_csv_quote(f->name[i]).text);
-    if (f->columns == 1 && strcmp(f->place, "line") == 0 && strpbrk(f->name[0], " |") != NULL)
-        lg_name_list_add(&f->note, "separate names and cells by commas, semicolons or tabs");
+    if (strcmp(f->place, "line") == 0 && f->columns > 0 && (f->columns == 1 || *f->name[1] == '\0'))
+        lg_name_list_add(&f->note,
+                         "the first line must name the columns, separated by commas, semicolons or tabs");
     return lg_frame_fail(f, 0, NULL, error, "there is no column '%s'; the columns are: %s%s%s", name,
                          lg_tamed(have.text), f->note.used > 0 ? "; " : "", lg_tamed(f->note.text));
 }
@@ -163,7 +164,8 @@ static lg_status put_text(lg_frame *f, size_t row, uint32_t column, const char *
 static lg_status put_value(lg_frame *f, size_t row, uint32_t column, double value, lg_error *error) {
     const lg_frame_use *use = &f->use[column];
     if (use->complete && isnan(value))
-        return lg_frame_fail(f, row, f->name[column], error, "the value is missing");
+        return lg_frame_fail(f, row, f->name[column], error,
+                             "the value is missing: fill the cell, or remove the row");
     if (use->clock != NULL && lg_moment_is_packed(value * use->scale))
         return lg_frame_fail(f, row, f->name[column], error,
                              "%.17g is a date without separators: write dates as 2024-03-01T12:00:00, or "

@@ -183,8 +183,16 @@ TEST("a policy follows the set points of a file") {
     assert_close(json_number(json_find(result.out, "reference"), "x_largest"), 0.0, 0.0, 1e-9);
     cli_expect(control, "evaluate track.h5 --starts 64 --reference moving.csv --json", 0, "");
     assert_true(json_number(json_find(result.out, "reference"), "x_rms") < 0.2);
-    cli_expect(control, "evaluate track.h5 --reference other.csv", 3, "x");
-    cli_expect(control, "evaluate track.h5 --reference back.csv", 3, "line 3: the time t does not increase");
+    const double rms = json_number(json_find(result.out, "reference"), "x_rms");
+    cli_write("dates.csv", "t,x,vx\n2024-02-28T23:59:59.5,0,0.1\n2024-02-29T00:00:19.5,2,0.1\n");
+    cli_expect(control, "evaluate track.h5 --starts 64 --reference dates.csv --json", 0, "");
+    assert_close(json_number(json_find(result.out, "reference"), "x_rms"), rms, 0.0, 0.0);
+    cli_expect(control, "evaluate track.h5 --reference other.csv", 3, "no column 'x'");
+    cli_write("other.csv", "t,x\n0,0\n1,\n2,1\n");
+    cli_expect(control, "evaluate track.h5 --reference other.csv", 3,
+               "line 3: column x: the value is missing");
+    cli_expect(control, "evaluate track.h5 --reference back.csv", 3,
+               "line 3: column t: the time does not increase");
     need_regulator();
     cli_expect(control, "evaluate lqr.h5 --reference steps.csv", 3, "tracks no coordinate");
     cli_write("track.yaml", TASK "track: [vx]\n");

@@ -172,7 +172,7 @@ TEST("disturbances too small to matter, and draws equal to the machine, leave ru
     cost_of_runs(other, true, same);
     assert_all_close(same, plain, 64, 1e-12, 0.0);
     assert_status(lg_policy_add_draw(other, machine_program(bristles), &error), LG_SHAPE);
-    assert_says(error.message, "numbers as state");
+    assert_says(error.message, "the other machine's state has");
     by.coordinate[0].name[0] = 'y';
     assert_status(lg_policy_disturb(other, &by, &error), LG_SHAPE);
 }

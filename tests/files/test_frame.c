@@ -380,7 +380,8 @@ TEST("a message about a bad file says what was found and what to do") {
         {NULL, 1, "empty", "; /empty is empty"},
         {NULL, 1, "packed", "; /packed is packed (scale_factor, add_offset); write the values themselves"},
         {BYTES("t|x\n0|1\n"), "x",
-         "the columns are: t|x; separate names and cells by commas, semicolons or tabs"},
+         "the columns are: t|x; the first line must name the columns, separated by commas, semicolons or "
+         "tabs"},
         {BYTES("n,t,x,y\n0,1,2,3\nx\",\"a,b,c,d\",y\"\n"), "y",
          "line 3: a cell has a quote inside: put the cell in quotes, and double this one"},
         {NPY("'<f2'"), "x",

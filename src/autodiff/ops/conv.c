@@ -448,7 +448,6 @@ lg_var lg_conv1d_dense(lg_tape *tape, lg_var x, lg_var w, lg_var b, uint32_t str
 lg_var lg_conv1d_pooled(lg_tape *tape, lg_var x, lg_var w, lg_var b, uint32_t stride, uint32_t padding,
                         lg_activation kind, uint32_t size, uint32_t step) {
     const char *name = lg_op_conv1d.name;
-    if (tape->status != LG_OK) return LG_NONE;
     if ((unsigned)kind >= LG_ACTIVATION_COUNT)
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, name, "unknown activation");
     if (size == 0 || step == 0)

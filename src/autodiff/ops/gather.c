@@ -139,7 +139,6 @@ static lg_var index_rows(lg_tape *tape, const lg_op *op, lg_var x, const uint32_
 }
 
 lg_var lg_gather(lg_tape *tape, lg_var x, const uint32_t *indices, uint32_t n) {
-    if (tape->status != LG_OK) return LG_NONE;
     const lg_node *node = lg_node_of(tape, x, "gather");
     if (node == NULL) return LG_NONE;
     return index_rows(tape, &lg_op_gather, x, indices, n, node->shape.rank == 0 ? 0 : node->shape.dims[0]);

@@ -61,7 +61,6 @@ static lg_var elementwise_loss(lg_tape *tape, lg_loss kind, lg_var y, lg_var t) 
 }
 
 lg_var lg_loss_record(lg_tape *tape, lg_loss kind, lg_var prediction, lg_var target, lg_var weights) {
-    if (tape->status != LG_OK) return LG_NONE;
     const lg_node *in[2] = {lg_node_of(tape, prediction, "loss"), lg_node_of(tape, target, "loss")};
     if (in[0] == NULL || in[1] == NULL) return LG_NONE;
     if (!lg_same_shape(&in[0]->shape, &in[1]->shape) || in[0]->shape.rank == 0)
@@ -81,7 +80,6 @@ lg_var lg_loss_record(lg_tape *tape, lg_loss kind, lg_var prediction, lg_var tar
 }
 
 lg_var lg_mse(lg_tape *tape, lg_var prediction, lg_var target) {
-    if (tape->status != LG_OK) return LG_NONE;
     const lg_node *in[2] = {lg_node_of(tape, prediction, "mse"), lg_node_of(tape, target, "mse")};
     if (in[0] == NULL || in[1] == NULL) return LG_NONE;
     if (!lg_same_shape(&in[0]->shape, &in[1]->shape)) return lg_fail_shapes(tape, "mse", in, 2);

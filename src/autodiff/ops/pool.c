@@ -239,7 +239,6 @@ const lg_op lg_op_pool_place = {
 static lg_var pool(lg_tape *tape, const lg_op *op, const char *name, lg_var x, bool twice, uint32_t size,
                    uint32_t stride) {
     const lg_attr attr = {.i = {size, stride, 0, 0}};
-    if (tape->status != LG_OK) return LG_NONE;
     if (size == 0 || stride == 0)
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, name,
                             "the size or the stride is 0, but both must be at least 1");

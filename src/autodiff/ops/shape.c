@@ -67,7 +67,6 @@ const lg_op lg_op_reshape = {
     .terms = lg_no_terms};
 
 lg_var lg_reshape(lg_tape *tape, lg_var x, lg_shape shape) {
-    if (tape->status != LG_OK) return LG_NONE;
     const lg_node *node = lg_node_of(tape, x, "reshape");
     if (node == NULL) return LG_NONE;
     if (shape.rank > LG_MAX_RANK || lg_shape_count(shape) != node->count)
@@ -164,7 +163,6 @@ const lg_op lg_op_slice = {LG_OP("slice", 0, 1, 1, slice_shape, slice_forward, s
                            .terms = lg_no_terms};
 
 lg_var lg_slice(lg_tape *tape, lg_var x, int axis, uint32_t start, uint32_t length) {
-    if (tape->status != LG_OK) return LG_NONE;
     const lg_node *node = lg_node_of(tape, x, "slice");
     if (node == NULL) return LG_NONE;
     int a = lg_axis(axis, node->shape.rank);
@@ -246,7 +244,6 @@ const lg_op lg_op_pad = {LG_OP("pad", 0, 1, 1, pad_shape, pad_forward, pad_vjp, 
                          .terms = lg_no_terms};
 
 lg_var lg_pad(lg_tape *tape, lg_var x, int axis, uint32_t before, uint32_t after) {
-    if (tape->status != LG_OK) return LG_NONE;
     const lg_node *node = lg_node_of(tape, x, "pad");
     if (node == NULL) return LG_NONE;
     int a = lg_axis(axis, node->shape.rank);
@@ -337,7 +334,6 @@ static lg_var concat_some(lg_tape *tape, const lg_var *parts, size_t n, int axis
 }
 
 lg_var lg_concat(lg_tape *tape, const lg_var *parts, size_t n, int axis) {
-    if (tape->status != LG_OK) return LG_NONE;
     if (n == 0)
         return lg_tape_fail(tape, LG_INVALID_ARGUMENT, "concat", "there are no tensors to concatenate");
     if (n <= LG_MAX_INPUTS) return concat_some(tape, parts, n, axis);
@@ -455,7 +451,6 @@ const lg_op lg_op_permute = {
     .terms = lg_no_terms};
 
 lg_var lg_permute(lg_tape *tape, lg_var x, const int *axes) {
-    if (tape->status != LG_OK) return LG_NONE;
     const lg_node *node = lg_node_of(tape, x, "permute");
     if (node == NULL) return LG_NONE;
     const uint32_t rank = node->shape.rank;
@@ -472,7 +467,6 @@ lg_var lg_permute(lg_tape *tape, lg_var x, const int *axes) {
 }
 
 lg_var lg_transpose(lg_tape *tape, lg_var x) {
-    if (tape->status != LG_OK) return LG_NONE;
     const lg_node *node = lg_node_of(tape, x, "transpose");
     if (node == NULL) return LG_NONE;
     int rank = (int)node->shape.rank, axes[LG_MAX_RANK] = {0, 1, 2, 3};

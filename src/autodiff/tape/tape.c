@@ -118,7 +118,8 @@ void lg_tape_reset(lg_tape *tape) {
 /* ---- handles ---- */
 
 lg_node *lg_node_of(lg_tape *tape, lg_var v, const char *operation) {
-    if (v.index < tape->count && v.generation == tape->nodes[v.index].generation && v.generation != 0)
+    if (tape->status == LG_OK && v.index < tape->count && v.generation != 0 &&
+        v.generation == tape->nodes[v.index].generation)
         return &tape->nodes[v.index];
     lg_tape_fail(tape, LG_STALE_HANDLE, operation,
                  lg_is_none(v) ? "an input is LG_NONE" : "an input was rewound or belongs to another tape");

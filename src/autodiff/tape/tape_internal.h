@@ -170,7 +170,7 @@ lg_var lg_zero_jvp(const lg_forward *f);
 /* Of an operation that is linear in each input that is not frozen: the sum over these inputs of the operation
  * with the input replaced by its tangent. */
 lg_var lg_multilinear_jvp(const lg_forward *f);
-/* NULL when the handle is stale or belongs to another tape; the tape's error is then set. */
+/* NULL if the handle is stale or belongs to another tape, or the tape has failed; the tape's error is set. */
 lg_node *lg_node_of(lg_tape *tape, lg_var v, const char *operation);
 /* The node of a handle that is known to be valid; nothing is checked. */
 static inline const lg_node *lg_node_at(const lg_tape *tape, lg_var v) {

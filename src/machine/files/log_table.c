@@ -82,7 +82,8 @@ static lg_status append_rows(lg_log_table *t, uint32_t file, const lg_frame *f) 
         double *to = lg_log_row(t, t->rows);
         const char *name = run < t->columns ? lg_frame_text_of(f, row, &f->want[run]) : "";
         if (run < t->columns && *name == '\0')
-            return lg_frame_fail(f, row, columns[run].name, t->error, "the row names no run");
+            return lg_frame_fail(f, row, columns[run].name, t->error,
+                                 "the row names no run: fill the cell, or remove the row");
         if (before == NULL || strcmp(name, before) != 0) {
             t->out->runs++;
             lg_text_append(&t->names, name, strlen(name) + 1);

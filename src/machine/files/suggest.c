@@ -401,7 +401,7 @@ void lg_machine_conclude_suggestion(const lg_training *self, bool explained) {
     else
         LG_WARN(self, "%s no candidate leaves less of the error than chance explains",
                 explained ? "the log asks for no further term:"
-                          : "what the model lacks is none of the candidates:");
+                          : "what the model lacks is not among the candidates:");
 }
 
 void lg_machine_tell_suggestion(lg_training *self) {

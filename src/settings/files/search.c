@@ -372,6 +372,7 @@ static lg_status check_head(const char *head, const char *shown, const lg_search
     uint64_t number = 0;
     int end = 0;
     hash_search(search, setting, want);
+    if (strncmp(head, "\xef\xbb\xbf", 3) == 0) head += 3; /* a byte order mark, which spreadsheets add */
     if (sscanf(head, "# seed %20[0-9] space %16[0-9a-f] setting %16[0-9a-f]%n", seen_seed, seen[0], seen[1],
                &end) != 3 ||
         head[end + strspn(head + end, "\r")] != '\n' || lg_integer_parse(seen_seed, &number) != LG_OK)
