@@ -11,7 +11,7 @@ import numpy
 
 def main():
     path, out = sys.argv[1:]
-    table = numpy.genfromtxt(path, delimiter=',', names=True)
+    table = numpy.genfromtxt(path, delimiter=',', names=True, deletechars='')
     if out.endswith('.npy'):
         numpy.save(out, numpy.array(table.tolist()))
     elif out.endswith('.h5'):
