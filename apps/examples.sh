@@ -39,6 +39,10 @@ lg-hamiltonian evaluate model.h5 test.h5 --plot errors.svg
 #: lg-hamiltonian predict
 lg-hamiltonian predict model.h5 scenes/pendulum.yaml --t-end 10 --points 500 --plot flow.svg
 
+#: lg-hamiltonian search
+printf '%s\n' 'fixed: {epochs: 20}' 'ranges: {hidden: {integer: [4, 16]}}' > ranges.yaml
+lg-hamiltonian search ranges.yaml data.h5 --trials 2 --out trials.csv
+
 #: lg-hamiltonian study
 # Two runs of a grid; the same line again does the next two.
 lg-hamiltonian study scenes/study-small.yaml --stop-after 2 --out study.csv

@@ -1,6 +1,6 @@
 /* The executable `liegrad`, which has all programs but lg-bench and lg-gradcheck. The programs' names are
  * links to it. The name by which it is started chooses the program; if that is no program's name, the first
- * argument does (`liegrad lg-fit ...`). */
+ * argument does, `lg-fit` or `fit` (`liegrad fit train ...`). */
 #include <string.h>
 
 #include "common/app.h"
@@ -27,7 +27,9 @@ static bool is_named(const char *path, const char *name) {
 int main(int argc, char **argv) {
     for (int word = 0; word < argc && word < 2; word++)
         for (size_t i = 0; i < LG_COUNT(programs); i++)
-            if (is_named(argv[word], programs[i].name)) return programs[i].run(argc - word, argv + word);
+            if (is_named(argv[word], programs[i].name) ||
+                (word == 1 && strcmp(argv[1], programs[i].name + strlen("lg-")) == 0))
+                return programs[i].run(argc - word, argv + word);
     const bool asked = argc > 1 && is_named(argv[0], "liegrad") &&
                        (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "--version") == 0);
     FILE *stream = asked ? stdout : stderr;

@@ -237,15 +237,18 @@ bool app_begins(const char *path, const char *data, size_t bytes, int lines) {
     return same;
 }
 
-/* Returns whether liegrad wrote the file in HDF5, and its kind is this one or that of another command. Files
- * with functions, which users' programs save, and kinds that users have named are theirs. */
+static bool is_detector(const char *kind) {
+    return strcmp(kind, "detector") == 0 || strcmp(kind, "classifier") == 0;
+}
+
+/* Returns whether liegrad wrote the file in HDF5, and it is of this kind; detectors have two. */
 static bool is_of_kind(const app *self, const char *path, const char *kind) {
     bool ours = false;
     char found[64] = "";
     if (kind == NULL || app_had_memory(lg_file_is_ours(self->context, path, &ours, NULL)) != LG_OK || !ours)
         return false;
     (void)app_had_memory(lg_model_file_kind(self->context, path, NULL, found, sizeof found, NULL));
-    return strcmp(found, kind) == 0 || lg_kind_is_of_commands(found);
+    return strcmp(found, kind) == 0 || (is_detector(found) && is_detector(kind));
 }
 
 /* ---- tables that exist ---- */

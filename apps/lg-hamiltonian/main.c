@@ -2,6 +2,7 @@
 #include "common/verbs.h"
 #include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/training.h"
+#include "nn/search.h"
 
 static lg_hamiltonian_state state;
 static lg_hamiltonian_run run; /* everything that determines the result */
@@ -12,7 +13,9 @@ static const app_settings settings[] = {{lg_hamiltonian_fields, &run, sizeof run
                                         TRAIN_SHARED,
                                         APP_SETTINGS_END};
 
-static train_task task = {.recipe = &lg_recipe_hamiltonian, .settings = settings, .state = &state};
+static const app_command train_command;
+static train_task task = {
+    .recipe = &lg_recipe_hamiltonian, .settings = settings, .command = &train_command, .state = &state};
 
 static const app_command train_command = {
     TRAIN_COMMAND("DATA.h5", task, train_plots), .summary = "Fit a Hamiltonian to trajectories",
@@ -30,6 +33,9 @@ static const app_command train_command = {
         "Ctrl-C saves a checkpoint and ends with exit code 130; --resume continues to the same bits.",
     .settings = settings};
 
+static const app_command search_command = {SEARCH_COMMAND("DATA.h5"), VERB(search, task),
+                                           .settings = APP_SETTINGS(SEARCH_SHARED)};
+
 static const lg_field demo_options[] = {
     APP_OUT(app_common, "DIR", "Folder for data, model and plots", .value = "liegrad-demo"),
     APP_DEMO_EPOCHS("Evaluations of the loss (default 2000)"),
@@ -44,12 +50,14 @@ APP_PROGRAM(lg_hamiltonian) {
                                     hamiltonian_evaluate_command,
                                     hamiltonian_predict_command,
                                     hamiltonian_study_command,
+                                    search_command,
                                     demo_command,
                                     {.run = NULL}};
     APP_CLEAN(lg_text_destroy) lg_text text = app_text();
     lg_text_add(
         &text, "Learns the Hamiltonian of a mechanical system from sampled trajectories. The system's family "
-               "says what is learned, and the default integrator:\n");
+               "says what is learned, and the integrator of exported steps, with which training steps too "
+               "(separable systems by default with rk4):\n");
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
         const lg_hamiltonian_family *family = lg_hamiltonian_family_at(i);
         lg_text_add(&text, "\n  %-12s %s (%s)", family->name, family->formula, family->scheme);

@@ -51,8 +51,10 @@ static double invariant(const watch *self, size_t i, const double *y) {
     return lg_system_invariant(self->sim->system, i, y, self->work);
 }
 
-/* Kinetic energy H(q, p) - H(q, 0). The momenta or velocities that are set to zero: the second half of R^2n,
- * an R^n behind another factor, the second group of numbers of the other spaces, and all of so(3)*. */
+/* Kinetic energy H(q, p) - H(q, 0); of a run that has gained energy, what it would have with the energy of
+ * its start, so that a run that explodes is not its own measure. The momenta or velocities that are set to
+ * zero: the second half of R^2n, an R^n behind another factor, the second group of numbers of the other
+ * spaces, and all of so(3)*. */
 static void look_at_kinetic(watch *self, const double *y) {
     const lg_space *space = lg_system_space(self->sim->system);
     double *rest = self->rest;
@@ -70,8 +72,8 @@ static void look_at_kinetic(watch *self, const double *y) {
         memset(rest + first, 0, (count - first) * sizeof *rest);
         rest += count;
     }
-    const double kinetic = self->end[0] - invariant(self, 0, self->rest);
-    if (fabs(kinetic) > self->kinetic) self->kinetic = fabs(kinetic);
+    const double potential = invariant(self, 0, self->rest), kinetic = fabs(self->end[0] - potential);
+    self->kinetic = fmax(self->kinetic, fmin(kinetic, fmax(self->start[0] - potential, self->kinetic)));
 }
 
 void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded, const double *y0) {
@@ -130,6 +132,8 @@ lg_status watch_step(void *user, double t, double h, const double *y) {
  * below ENERGY_ROUNDING times the energy is only rounding. */
 #define ENERGY_TOLD     0.1
 #define ENERGY_ROUNDING 1e-10
+/* Constraints are of size 1: |q|^2 = 1, R^T R = 1. */
+#define MANIFOLD_TOLD 0.01
 
 void watch_warn(const watch *self, const plan *how, const outcome *run) {
     const double turn = run->stats.max_angle, told = how->scheme->order > 1 ? ENERGY_TOLD : 1;
@@ -140,9 +144,15 @@ void watch_warn(const watch *self, const plan *how, const outcome *run) {
                  "a step turns a body by %.3g rad, which is more than pi: the steps are too long for '%s'; "
                  "give more --steps",
                  turn, how->scheme->name);
+    const char *remedy = how->control.steps > 0 ? "more --steps" : "a smaller --tolerance";
     if (drift > told * self->kinetic && !rounding)
         app_warn(self->sim->self,
                  "the energy, which is constant, changes by %.3g; the largest kinetic energy is %.3g: the "
                  "result is far from the solution; give %s",
-                 drift, self->kinetic, how->control.steps > 0 ? "more --steps" : "a smaller --tolerance");
+                 drift, self->kinetic, remedy);
+    if (self->manifold > MANIFOLD_TOLD)
+        app_warn(self->sim->self,
+                 "the state leaves the manifold: a constraint is violated by %.3g: give %s, or a method that "
+                 "stays on it, such as cf4",
+                 self->manifold, remedy);
 }

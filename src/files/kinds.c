@@ -23,13 +23,6 @@ static const struct {
     {"series", "it is a data file with labelled series"},
 };
 
-bool lg_kind_is_of_commands(const char *kind) {
-    if (strstr(kind, "checkpoint") != NULL) return true; /* of every recipe's training */
-    for (size_t i = 1; i < LG_COUNT(kinds); i++)
-        if (strcmp(kinds[i].kind, kind) == 0) return strcmp(kind, "program") != 0;
-    return false;
-}
-
 const char *lg_h5_what_is(const char *kind) {
     for (size_t i = 0; i < LG_COUNT(kinds); i++)
         if (strcmp(kinds[i].kind, kind) == 0) return kinds[i].what;

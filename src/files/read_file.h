@@ -13,8 +13,5 @@ lg_status lg_read_open(const char *path, FILE **out, uint64_t *bytes, lg_error *
 /* Reads up to `room` bytes from the beginning of the file; *got becomes the number of bytes. Errors: as
  * lg_read_open. */
 lg_status lg_read_first(const char *path, void *out, size_t room, size_t *got, lg_error *error);
-/* Whether a command writes files in HDF5 of this kind; those with functions (program) are also saved by
- * users. */
-bool lg_kind_is_of_commands(const char *kind);
 
 #endif

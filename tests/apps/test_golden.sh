@@ -34,7 +34,7 @@ for program in $(cd "$LG_BIN_DIR" && echo lg-*); do
     for verb in $(verbs "$program"); do check "$program $verb"; done
 done
 
-need '(^|[ ;(])liegrad lg-' 'liegrad PROGRAM'
+need '(^|[ ;(])liegrad (lg-)?[a-z]+ ' 'liegrad PROGRAM'
 
 # listed TEXT: the words that a message lists.
 listed() {

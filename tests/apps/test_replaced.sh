@@ -243,6 +243,7 @@ writes 0 'out plot' t.csv.part-0-of-2 lg-learn search $in/fit.yaml $in/table.csv
 writes 0 'out plot' t.csv.part-0-of-2 lg-elastica search $in/beam.yaml $in/curves.h5 --trials 2 $one --out t.csv --plot p.svg
 writes 0 'out plot' t.csv.part-0-of-2 lg-anomaly search $in/well.yaml $in/well.h5 --trials 2 $one --out t.csv --plot p.svg
 writes 0 'out' '' lg-fit search $in/fit.yaml $in/table.csv --outputs y --trials 2 $one --task 0/2 --out t.csv
+writes 0 'out plot' t.csv.part-0-of-2 lg-hamiltonian search $in/fit.yaml $in/data.h5 --trials 2 $one --out t.csv --plot p.svg
 writes 0 'out plot' s.csv.part-0-of-2 lg-hamiltonian study $in/grid.yaml --jobs 1 $one --out s.csv --plot p.svg
 writes 0 'out' d.h5.part-0-of-2 lg-hamiltonian generate $in/pendulum.yaml --trajectories 5 --points 3 --out d.h5
 writes 0 'out plot' '' lg-elastica generate --count 20 --intervals 10 --out d.h5 --plot p.svg

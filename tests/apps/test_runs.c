@@ -45,7 +45,7 @@ TEST("every command has help, every program prints its version") {
     static const struct {
         const char *program, *commands, *words;
     } rows[] = {
-        {"lg-hamiltonian", "generate train evaluate predict study demo", "Commands:"},
+        {"lg-hamiltonian", "generate train evaluate predict search study demo", "Commands:"},
         {"lg-elastica", "solve generate train evaluate predict search", "Commands:"},
         {"lg-anomaly", "generate feed train evaluate search watch", "Commands:"},
         {"lg-identify", "check fit evaluate predict generate demo", "Commands:"},
@@ -56,6 +56,8 @@ TEST("every command has help, every program prints its version") {
         char list[128], words[64], *save = NULL;
         (void)snprintf(words, sizeof words, "%s (liegrad) ", rows[i].program);
         cli_expect(rows[i].program, "--version", 0, words);
+        (void)snprintf(list, sizeof list, "%s --version", rows[i].program + strlen("lg-"));
+        cli_expect("liegrad", list, 0, words);
         cli_expect(rows[i].program, "--help", 0, rows[i].words);
         (void)snprintf(words, sizeof words, "Usage: %s", rows[i].program);
         (void)snprintf(list, sizeof list, "%s", rows[i].commands);
@@ -162,6 +164,10 @@ static const struct searcher {
      "resnet]}\n  layers: {integer: [0, 2]}\n  hidden: {integer: [4, 12]}\n  gamma: {uniform: [0, 1e-2]}\n"
      "  lr: {log-uniform: [1e-4, 1e-1]}\n",
      "lg-elastica train beam.h5", "elastica-discrete elastica-continuous elastica-angle"},
+    {"lg-hamiltonian", "chain",
+     "fixed: {epochs: 6, preset: thesis}\nranges:\n  hidden: {integer: [4, 12]}\n  lr: {log-uniform: [1e-4, "
+     "1e-1]}\n",
+     "lg-hamiltonian train chain.h5 --epochs 6", ""},
     {"lg-anomaly", "riser",
      "fixed: {epochs: 6, batch: 10, preset: thesis}\nranges:\n  activation: {choice: [tanh, swish]}\n"
      "  lr: {log-uniform: [1e-4, 1e-1]}\n  plane: {integer: [0, 3]}\n",
