@@ -154,7 +154,7 @@ static void build_whole(job *j, const char *kind,
                         void (*build)(const app *self, const char *path, export_source *source)) {
     j->kind = kind;
     if (build == export_classifier && (given.functions != NULL || given.compact)) refuse_functions(j);
-    refuse_scheme(j);
+    if (build != export_scene) refuse_scheme(j);
     build(j->self, j->path, &j->source);
 }
 
@@ -217,10 +217,6 @@ static void build_target(job *j, const char *kind) {
 static void build(job *j) {
     static char own[64] = "scene";
     const bool scene = is_text(j->path), other = targets[given.target]->build != NULL;
-    if (scene && !other)
-        app_stop_usage(j->self,
-                       "%s: a scene can be exported only with --target casadi, fmu2, fmu3 or simulink",
-                       j->path);
     if (!scene) APP_FILE(j->self, j->path, lg_model_file_kind, NULL, own, sizeof own);
     const bool classifier = strcmp(own, "classifier") == 0, policy = strcmp(own, "policy") == 0;
     if (!scene && lg_recipe_find(own) == NULL && !classifier) check_file(j, own);
@@ -228,6 +224,8 @@ static void build(job *j) {
     if (policy && j->options.functions == NULL) j->options.functions = "control";
     if (other)
         build_target(j, own);
+    else if (scene)
+        build_whole(j, own, export_scene);
     else if (policy || classifier || strcmp(own, "program") == 0)
         build_whole(j, own, policy ? export_policy : classifier ? export_classifier : export_program);
     else

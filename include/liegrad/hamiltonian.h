@@ -188,8 +188,6 @@ struct lg_hamiltonian_family {
     /* For separable systems, H = K(p) + V(q), and their splitting schemes: records dH/dp from p. NULL: the
      * family is not separable. */
     lg_var (*drift)(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var p);
-    /* Whether trajectories of this system can be learned; *n becomes the n of the model. */
-    bool (*learns)(const lg_system *system, size_t *n);
     /* Says in words what holds on the manifold of the states. NULL: every state lies on it. */
     const char *manifold;
     bool constrained; /* lg_hamiltonian.constraint is used, and gives the manifold. */

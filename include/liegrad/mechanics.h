@@ -14,7 +14,7 @@
  * equations of each system, its parameters with their keys and their names in gradients, the order of its
  * state and its invariants. The systems are oscillator; quartic; coupled-oscillators; pendulum-chain
  * (lagrangian | hamiltonian); rigid-body; rigid-body-attitude; heavy-top (cotangent | direct | lie-poisson |
- * quadratic); satellite; quadrotors (exact-thrusts | attitudes).
+ * quadratic); satellite; quadrotors (exact-thrusts | attitudes); cart-pole; rotary-pendulum; two-link-arm.
  *
  * A system is immutable after it is made, except by lg_system_set_parameters, so threads may share it;
  * each thread needs its own work memory. Evaluating a system allocates nothing. The cost of a chain is
@@ -228,12 +228,12 @@ typedef struct lg_at {
 typedef struct lg_energy_row {
     const char *name;
     const lg_parameter_entry *parameters; /* The list ends with a NULL key. */
-    /* Records M, (B, n, n) or (1, n, n) for n velocities, (1, n, n) for n directions: M_ij I_3 couples the
-     * velocities of two directions. */
+    /* Records M, (B, n, n) or (1, n, n) for n velocities. Where all coordinates are directions, n directions
+     * may have (1, n, n) in a machine: M_ij I_3 couples the velocities of two directions. */
     lg_var (*mass)(lg_tape *tape, const lg_at *at);
     lg_var (*potential)(lg_tape *tape, const lg_at *at); /* Records V (B, 1). NULL: V = 0. */
     uint32_t count; /* Number of coordinates; 0: any number, all of kind coordinates[0]. */
-    lg_coordinate_kind coordinates[2];
+    lg_coordinate_kind coordinates[4];
     unsigned seen; /* Bit i: M or V depends on coordinate i. */
     bool moving;   /* True if M depends on the positions. */
 } lg_energy_row;

@@ -291,22 +291,6 @@ static void ambient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var
 
 /* ---- rows ---- */
 
-static bool has_name(const lg_system *system, const char *name) {
-    return strcmp(lg_system_name(system), name) == 0;
-}
-
-/* Whether a state of the system has the parts R and pi only. */
-static bool learns_rotation(const lg_system *system, size_t *n) {
-    *n = 1;
-    return (has_name(system, "heavy-top") || has_name(system, "rigid-body-attitude")) &&
-           lg_system_dim(system) == 12;
-}
-
-static bool learns_satellite(const lg_system *system, size_t *n) {
-    *n = 1;
-    return has_name(system, "satellite");
-}
-
 #define ROTATION       "R^T R = I"
 #define DIRECTION      "|q| = 1 and q.p = 0"
 #define MANIFOLD(c, k) ((k) == 0 ? ROTATION : (c) == 0 ? DIRECTION : ROTATION ", " DIRECTION)
@@ -333,7 +317,6 @@ const lg_hamiltonian_family lg_hamiltonian_rotation = {
     .formula = "1/2 pi.J(R)^-1 pi + V(R) on T*SO(3)",
     .input_meaning = "torques in space",
     .field_meaning = "omega in space, then pi': R' = hat(omega) R",
-    .learns = learns_rotation,
     BODIES(1, 0, 0)};
 
 const lg_hamiltonian_family lg_hamiltonian_rotation_direction = {
@@ -347,7 +330,6 @@ const lg_hamiltonian_family lg_hamiltonian_rotation_direction = {
     .formula = "1/2 p.M(R,q)^-1 p + V(R,q) on T*(SO(3) x S^2)",
     .input_meaning = "torques in space: on the body, then on the direction about its pivot",
     .field_meaning = "omega, pi' of the body, then (xi, eta) of the direction as in a chain",
-    .learns = learns_satellite,
     BODIES(1, 1, 0)};
 
 const lg_hamiltonian_family lg_hamiltonian_rotation_line = {

@@ -124,13 +124,6 @@ static void velocity(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_va
     out[0] = to_q;
 }
 
-/* ---- data ---- */
-
-static bool learns(const lg_system *system, size_t *n) {
-    *n = lg_system_links(system);
-    return *n > 0;
-}
-
 const lg_hamiltonian_family lg_hamiltonian_chain = {
     .name = "chain",
     .description = "learned Hamiltonian of a chain",
@@ -160,6 +153,5 @@ const lg_hamiltonian_family lg_hamiltonian_chain = {
     .gradient_on_manifold = gradient_on_manifold,
     .ambient = ambient,
     .velocity = velocity,
-    .learns = learns,
     .manifold = "|q| = 1 and q.p = 0",
 };

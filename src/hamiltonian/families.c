@@ -21,8 +21,24 @@ const lg_hamiltonian_family *lg_hamiltonian_family_find(const char *name) {
     return NULL;
 }
 
+/* Whether the family has the system's states for some n; on R^2n, whether both are separable. */
+static bool learns(const lg_hamiltonian_family *family, const lg_system *system, size_t *n) {
+    const lg_space *space = lg_system_space(system);
+    const bool flat = lg_space_is_abelian(space);
+    const size_t links = lg_system_links(system);
+    lg_space own;
+    *n = flat ? space->dim / 2 : links > 0 ? links : 1;
+    if (flat) return family->drift != NULL && lg_system_separable(system);
+    if (lg_hamiltonian_space(family, (uint32_t)*n, &own) != LG_OK || own.factors != space->factors)
+        return false;
+    for (size_t i = 0; i < own.factors; i++)
+        if (own.factor[i].kind != space->factor[i].kind || own.factor[i].count != space->factor[i].count)
+            return false;
+    return true;
+}
+
 const lg_hamiltonian_family *lg_hamiltonian_family_for(const lg_system *system, size_t *n) {
     for (size_t i = 0; i < LG_COUNT(families); i++)
-        if (families[i]->learns != NULL && families[i]->learns(system, n)) return families[i];
+        if (learns(families[i], system, n)) return families[i];
     return NULL;
 }

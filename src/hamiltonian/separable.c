@@ -49,11 +49,6 @@ static void gradient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_va
     out[1] = drift(tape, vars, y[1]);
 }
 
-static bool learns(const lg_system *system, size_t *n) {
-    *n = lg_system_dim(system) / 2;
-    return lg_system_separable(system);
-}
-
 const lg_hamiltonian_family lg_hamiltonian_separable = {
     COORDINATES,
     .name = "separable",
@@ -66,7 +61,6 @@ const lg_hamiltonian_family lg_hamiltonian_separable = {
     .energy = energy,
     .gradient = gradient,
     .drift = drift,
-    .learns = learns,
 };
 
 /* ---- constrained; scales.part[0] times q is in the units of the program ---- */

@@ -1,9 +1,10 @@
-/* Carts, pendulums and arms of lines and angles: rows of M and V, which machines of a named system have. */
+/* Carts, pendulums and arms of lines and angles: rows of M and V, from which all else follows. */
 #include "mechanics/engine.h"
+#include "mechanics/system.h"
 
 static const double one = 1.0, ones[2] = {1.0, 1.0}, small = 0.1, gravity_fallback = 9.81;
 #define GRAVITY                                                                                              \
-    { "gravity", "g", 1, LG_PARAMETER_FINITE, &gravity_fallback, "m/s^2, downward" }
+    { "gravity", "g", 1, LG_PARAMETER_FINITE, &gravity_fallback, "acceleration of gravity, m/s^2" }
 
 /* ---- cart-pole: a point mass at the end of the pole, at height L cos(theta); theta is 0 upright ---- */
 

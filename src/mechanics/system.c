@@ -17,15 +17,25 @@ static const lg_system_row *const rows[] = {
 
 /* ---- the tables ---- */
 
-const lg_energy_row *const lg_energy_rows[] = {
-    &lg_energy_oscillator, &lg_energy_quartic,   &lg_energy_coupled, &lg_energy_attitude, &lg_energy_top,
-    &lg_energy_chain,      &lg_energy_cart_pole, &lg_energy_rotary,  &lg_energy_arm,      NULL};
+#define ENERGY(name) &lg_energy_##name,
+const lg_energy_row *const lg_energy_rows[] = {&lg_energy_oscillator,
+                                               &lg_energy_quartic,
+                                               &lg_energy_coupled,
+                                               &lg_energy_attitude,
+                                               &lg_energy_top,
+                                               &lg_energy_chain,
+                                               LG_DERIVED_SYSTEMS(ENERGY) NULL};
+
+/* Row `index`; NULL beyond the last. */
+static const lg_system_row *row_at(size_t index) {
+    return index < LG_COUNT(rows) ? rows[index] : lg_derived_row(index - LG_COUNT(rows));
+}
 
 bool lg_system_at(size_t index, const char **name, const char **form) {
-    if (index >= LG_COUNT(rows)) return false;
-    if (name) *name = rows[index]->name;
-    if (form) *form = rows[index]->form;
-    return true;
+    const lg_system_row *row = row_at(index);
+    if (row && name) *name = row->name;
+    if (row && form) *form = row->form;
+    return row != NULL;
 }
 
 static bool same(const char *a, const char *b) {
@@ -34,9 +44,10 @@ static bool same(const char *a, const char *b) {
 
 /* If `form` is NULL, the first row with this name. */
 static const lg_system_row *find_row(const char *name, const char *form) {
-    for (size_t i = 0; i < LG_COUNT(rows); i++)
-        if (same(rows[i]->name, name) && (!form || same(rows[i]->form, form))) return rows[i];
-    return NULL;
+    const lg_system_row *row;
+    for (size_t i = 0; (row = row_at(i)) != NULL; i++)
+        if (same(row->name, name) && (!form || same(row->form, form))) break;
+    return row;
 }
 
 const lg_parameter_entry *lg_system_parameters(const char *name, const char *form) {
@@ -64,11 +75,12 @@ static void list_add(char list[LIST], const char *word) {
 static lg_status fail_row(const char *name, const char *form, lg_error *error) {
     const lg_system_row *row = find_row(name, NULL);
     char known[LIST] = "";
-    for (size_t i = 0; i < LG_COUNT(rows); i++)
-        if (row && strcmp(rows[i]->name, name) == 0)
-            list_add(known, rows[i]->form);
-        else if (!row && (i == 0 || strcmp(rows[i]->name, rows[i - 1]->name) != 0))
-            list_add(known, rows[i]->name);
+    const char *before = "";
+    for (size_t i = 0; row_at(i) != NULL; before = row_at(i++)->name)
+        if (row && strcmp(row_at(i)->name, name) == 0)
+            list_add(known, row_at(i)->form);
+        else if (!row && strcmp(row_at(i)->name, before) != 0)
+            list_add(known, row_at(i)->name);
     if (!row)
         return lg_fail(error, LG_NOT_FOUND, "there is no system \"%s\"; the systems are %s", name, known);
     if (known[0] == '\0')
@@ -275,6 +287,14 @@ static lg_status make_space(const lg_system_row *row, size_t links, lg_space *ou
     return LG_OK;
 }
 
+/* Makes the plans of a system that has them; `system` is destroyed after an error. */
+static lg_status finish(lg_system *system, lg_system **out) {
+    const lg_status status = system->row->energy != NULL ? lg_derived_create(system) : LG_OK;
+    if (status != LG_OK) lg_system_destroy(system);
+    if (status == LG_OK) *out = system;
+    return status;
+}
+
 static lg_status make(const lg_context *context, const lg_system_row *row, const lg_system_options *options,
                       size_t links, lg_system **out) {
     const size_t none = SIZE_MAX, count = parameter_offset(row, links, none);
@@ -294,8 +314,7 @@ static lg_status make(const lg_context *context, const lg_system_row *row, const
         copy_parameter(options, &row->parameters[i], links,
                        system->parameters + parameter_offset(row, links, i));
     if (row->prepare) row->prepare(system, system->constants);
-    *out = system;
-    return LG_OK;
+    return finish(system, out);
 }
 
 lg_status lg_system_create(const lg_context *context, const char *name, const lg_system_options *options,
@@ -329,8 +348,7 @@ lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_
     memcpy(copy, system, bytes);
     copy->context = context;
     lay_out(copy, constants);
-    *out = copy;
-    return LG_OK;
+    return finish(copy, out);
 }
 
 lg_status lg_system_set_parameters(lg_system *system, const double *values) {
@@ -347,6 +365,7 @@ lg_status lg_system_set_parameters(lg_system *system, const double *values) {
 }
 
 void lg_system_destroy(lg_system *system) {
+    for (size_t i = 0; system && i < LG_COUNT(system->derived); i++) lg_plan_destroy(system->derived[i]);
     if (system) lg_free(system->context, system);
 }
 
@@ -399,7 +418,7 @@ bool lg_system_separable(const lg_system *system) {
 /* Doubles of workspace that the row needs. If the ambient field is generated from the LIE field, the
  * workspace has algebra_dim more doubles behind them, for the value of the LIE field. */
 size_t lg_system_own_work(const lg_system *system) {
-    return in_all(system->row->work, system->links);
+    return in_all(system->row->work, system->links) + lg_derived_work(system);
 }
 
 static bool is_generated(const lg_system *system) {

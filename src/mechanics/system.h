@@ -28,6 +28,7 @@ typedef enum lg_structure {
 
 typedef struct lg_system_row {
     const char *name, *form;              /* form is NULL if the system has one form only */
+    const lg_energy_row *energy;          /* not NULL: all else follows from it (derived.c) */
     const lg_parameter_entry *parameters; /* the list ends with a NULL key */
     const lg_state_entry *state;          /* the list ends with a NULL key */
     size_t unreported;                    /* numbers at the end of the state that are not reported */
@@ -75,6 +76,7 @@ struct lg_system {
     size_t parameter_count;
     double *parameters; /* in the order of the table */
     double *constants;
+    lg_plan *derived[2]; /* field and energy (derived.c) */
 };
 
 size_t lg_system_constants(const lg_system *system);
@@ -116,6 +118,18 @@ extern const lg_system_row lg_system_row_satellite, lg_system_row_quadrotors, lg
                                 lg_var input, lg_var parameters, lg_var *algebra)
 #define LG_DECLARE_TAPED(name) LG_TAPED_FIELD(name);
 LG_TAPED_FIELDS(LG_DECLARE_TAPED)
+
+/* Systems that are given by their energies alone, lg_energy_NAME (derived.c): their rows, fields and plans
+ * follow. The state is R, pi of rotations, then q, p of directions, then x, px of lines and angles, as in the
+ * families of learned Hamiltonians; of lines and angles alone q, p on R^2n. The coordinates of the energies
+ * have this order, and M has a row for each velocity: three for a rotation and for a direction. */
+#define LG_DERIVED_SYSTEMS(X)   X(cart_pole) X(rotary) X(arm)
+#define LG_DECLARE_ENERGY(name) extern const lg_energy_row lg_energy_##name;
+LG_DERIVED_SYSTEMS(LG_DECLARE_ENERGY)
+const lg_system_row *lg_derived_row(size_t index); /* NULL beyond the last */
+/* Make the plans of a system's row; end them. The others use them. */
+lg_status lg_derived_create(lg_system *system);
+size_t lg_derived_work(const lg_system *system); /* doubles; 0 for other systems */
 
 /* The plain field NAME_field of NAME_of in fields/NAME.inc. */
 #define LG_PLAIN_FIELD(name)                                                                                 \

@@ -64,7 +64,10 @@ typedef struct problem {
     double parameters[PARAMETERS], y0[DIM], t_end;
 } problem;
 
-static double rows_unit(const lg_state_entry *s, const double scale[UNITS]) {
+/* The unit of number i of a part. The cart of a cart-pole is the only line among angles. */
+static double number_unit(const problem *p, const lg_state_entry *s, size_t i, const double scale[UNITS]) {
+    if (strcmp(p->name, "cart-pole") == 0 && i == 0)
+        return read_unit(s->key[0] == 'q' ? "m" : "kg m/s", scale);
     return read_unit(state_units[state_unit(s->key)].unit, scale);
 }
 
@@ -73,7 +76,7 @@ static void convert_state(const problem *p, const double scale[UNITS], const dou
     for (const lg_state_entry *s = lg_system_state(p->name, p->form); s->key; s++)
         for (size_t block = 0; block < (s->outer > 0 ? s->outer : p->links); block++)
             for (size_t i = 0; i < s->rows * s->columns; i++)
-                to[s->first + block * s->stride + i] /= rows_unit(s, scale);
+                to[s->first + block * s->stride + i] /= number_unit(p, s, i, scale);
 }
 
 static problem convert(const problem *p, const double scale[UNITS]) {
