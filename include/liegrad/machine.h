@@ -174,9 +174,11 @@ typedef struct lg_machine_term {
     /* Friction near rest: the velocity w in f tanh(v/w), in the units of the log. 0: the friction sticks
      * (lg_machine.sticks); in machines with other coordinates than lines and angles, lg_machine_width. */
     double width;
-    uint32_t value_count;             /* Values are in the units of the log. */
-    double values[LG_MACHINE_VALUES]; /* Matrices are row-major; mass and damping may also be a diagonal. */
-    uint32_t entry_count;             /* How many of the values are unknown. */
+    uint32_t value_count; /* Values are in the units of the log. */
+    /* Matrices are row-major; mass and damping may also be a diagonal. The mass of a direction is one number
+     * of the diagonal, or three equal numbers without couplings. */
+    double values[LG_MACHINE_VALUES];
+    uint32_t entry_count; /* How many of the values are unknown. */
     lg_machine_entry entries[LG_MACHINE_ENTRIES];
     /* The members below are filled by lg_machine_init. */
     lg_mlp net;
