@@ -473,8 +473,8 @@ LG_API lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_
 LG_API size_t lg_machine_problem_parameters(const lg_machine_problem *problem);
 LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out);
 /* Writes the loss over all windows except the validation part. `theta` has the parameters of the fit.
- * `floor` (may be NULL) becomes the part of the loss that comes from the integrator's own error. Errors:
- * those of lg_machine_problem_check and of the tape. */
+ * `floor` (may be NULL) becomes the loss that the integrator's own error would make alone; a fit can hide a
+ * part of this error in its numbers and starts. Errors: those of lg_machine_problem_check and of the tape. */
 LG_API lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem,
                                  const double *theta, double *loss, double *floor, lg_error *error);
 
