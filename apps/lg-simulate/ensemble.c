@@ -405,10 +405,9 @@ static void warn_of_members(const study *all) {
     size_t at = 0;
     if (what->left + what->lost > 0)
         app_warn(self,
-                 "of %llu members %llu leave the manifold, and the energy of %llu, which is constant, "
-                 "changes: their results are "
-                 "far from the solution; give more --steps or a smaller --tolerance, or a method that stays "
-                 "on the manifold, such as cf4",
+                 "of %llu members %llu leave the manifold, and %llu change their energy, which is constant: "
+                 "their results are far from the solution; give more --steps or a smaller --tolerance, or "
+                 "cf4, which stays on the manifold",
                  (unsigned long long)what->members, (unsigned long long)what->left,
                  (unsigned long long)what->lost);
     while (at < what->listed && what->who[at][1] != LG_INVALID_ARGUMENT) at++;

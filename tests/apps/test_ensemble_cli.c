@@ -93,10 +93,10 @@ TEST("members that leave the manifold or change their energy are counted, and th
                            "length: 2\nchi: [0, 1, 0]\ngamma0: [0, 0, -9.81]\n"
                            "initial: {Q: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], pi: [0, 70.3125, -1.08]}\n");
     json("fast.yaml --ensemble 20 --method rk4 --steps 100 --vary inertia=around:1%", "");
-    assert_says(result.err, "of 20 members 20 leave the manifold, and the energy of 0");
+    assert_says(result.err, "of 20 members 20 leave the manifold, and 0 change their energy");
     json("fast.yaml --ensemble 20 --method cf4 --steps 1000 --vary inertia=around:1%", "warnings []");
     json("circles.yaml --ensemble 20 --method rk4 --steps 100 --t-end 300", "");
-    assert_says(result.err, "of 20 members 0 leave the manifold, and the energy of 20");
+    assert_says(result.err, "of 20 members 0 leave the manifold, and 20 change their energy");
     json("pendulums.yaml --ensemble 20 --vary m1=uniform:-1:1", "");
     assert_says(result.err, "is not allowed: masses = -0.");
     assert_says(result.err, " is not a positive number");
