@@ -333,14 +333,18 @@ lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_
     return LG_OK;
 }
 
-lg_status lg_system_set_parameters(lg_system *system, const double *values) {
-    LG_NEEDS(NULL, system, values);
-    const double *from = values;
+lg_status lg_system_check_parameters(const lg_system *system, const double *values, lg_error *error) {
     for (const lg_parameter_entry *p = system->row->parameters; p->key; p++) {
         const size_t n = lg_parameter_numbers(p, system->links);
-        LG_TRY(lg_parameter_check(p, from, n, NULL));
-        from += n;
+        LG_TRY(lg_parameter_check(p, values, n, error));
+        values += n;
     }
+    return LG_OK;
+}
+
+lg_status lg_system_set_parameters(lg_system *system, const double *values) {
+    LG_NEEDS(NULL, system, values);
+    LG_TRY(lg_system_check_parameters(system, values, NULL));
     memcpy(system->parameters, values, system->parameter_count * sizeof(*values));
     if (system->row->prepare) system->row->prepare(system, system->constants);
     return LG_OK;

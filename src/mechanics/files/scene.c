@@ -163,6 +163,27 @@ static lg_status build_table(const char *system, const char *form, scene_table *
     return lg_fail(error, LG_UNSUPPORTED, "system %s has more than %d keys", system, LG_SCENE_MAX_KEYS);
 }
 
+/* Adds another form to the title that has a key of the file which this form lacks. */
+static lg_status add_better_form(const lg_context *context, const lg_yaml *yaml, scene_table *table,
+                                 lg_error *error) {
+    LG_SCRATCH(scene_table, other, context, 1);
+    if (other == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_yaml_path(yaml));
+    for (size_t i = 0; form_of(table->system, i) != NULL; i++) {
+        memset(other, 0, sizeof *other);
+        LG_TRY(build_table(table->system, form_of(table->system, i), other, error));
+        for (size_t k = 0; k < other->count; k++) {
+            const char *name = other->names[k];
+            size_t at = 0;
+            while (at < table->count && strcmp(table->names[at], name) != 0) at++;
+            if (at < table->count || !lg_yaml_has(yaml, name)) continue;
+            (void)snprintf(table->title, sizeof table->title, "%s (%s; `form: %s` has %s)", table->system,
+                           table->form, other->form, name);
+            return LG_OK;
+        }
+    }
+    return LG_OK;
+}
+
 /* ---- choice of the form ---- */
 
 static lg_status wrong_form(const lg_yaml *yaml, const char *system, const lg_key_value *value,
@@ -355,6 +376,7 @@ static lg_status read_scene(const lg_context *context, lg_yaml *yaml, const char
     const char *system = system_name((uint32_t)table->values->real[0]);
     LG_TRY(choose_form(yaml, system, form_wanted, &form, error));
     LG_TRY(build_table(system, form, table, error));
+    LG_TRY(add_better_form(context, yaml, table, error));
     lg_key_set sets[2] = {{table->keys, table->count, table->values}, {NULL, 0, NULL}};
     if (more != NULL) sets[1] = *more;
     LG_TRY(lg_yaml_read(yaml, sets, more != NULL ? 2 : 1, known_elsewhere, table->title, error));
