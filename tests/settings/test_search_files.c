@@ -106,9 +106,12 @@ TEST("invalid ranges are refused") {
         {"ranges:\n  n: {integer: [0, 1.5]}\n", "line 2", "whole"},
         {"ranges:\n  n: {choice: mlp}\n", "line 2", "a list"},
         {"ranges:\n  n: {choice: []}\n", "line 2", "choices"},
-        {"ranges:\n  n: {choice: [a, [b]]}\n", "line 2", "choice"},
+        {"ranges:\n  n: {choice: [a, [b, [c]]]}\n", "line 2", "choice"},
         {"ranges:\n  n: {choice: [a, b, a]}\n", "line 2", "twice"},
-        {"ranges:\n  n: {choice: ['a,b']}\n", "line 2", "comma"},
+        {"ranges:\n  n: {choice: [[a, b], 'a,b']}\n", "line 2", "twice"},
+        {"ranges:\n  n: {choice: [[]]}\n", "line 2", "choice"},
+        {"ranges:\n  n: {choice: [[a23456789012345678901234567890, a]]}\n", "line 2", "1 to 31 bytes"},
+        {"fixed:\n  n: {a: 1}\nranges:\n  x: {uniform: [0, 1]}\n", "line 2", "1 to 63 bytes"},
         {"ranges:\n  n: {choice: [1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17]}\n", "line 2", "16 choices"},
     };
     const char *path = scratch_path("bad.yaml");
