@@ -34,17 +34,18 @@ static void add(app_settings *settings, const lg_field *rows, void *values, size
     if (rows != NULL) *settings = (app_settings){rows, values, size};
 }
 
-/* Finds the recipe named after --recipe. It must be known before the other options are parsed, because it
- * determines which options exist. */
+/* Finds the recipe that the last --recipe names, which may be abbreviated. It must be known before the other
+ * options are parsed, because it determines which options exist. */
 static const lg_recipe *find_recipe(int argc, char **argv) {
-    static const char option[] = "--recipe";
-    const size_t length = sizeof option - 1;
-    for (int i = 1; i < argc; i++) {
-        if (strncmp(argv[i], option, length) != 0) continue;
-        const char *name = argv[i][length] == '=' ? argv[i] + length + 1 : i + 1 < argc ? argv[i + 1] : "";
-        return lg_recipe_find(name);
+    const lg_recipe *found = NULL;
+    for (int i = 1; i < argc && strcmp(argv[i], "--") != 0; i++) {
+        const size_t length = strcspn(argv[i], "=");
+        if (length <= strlen("--") || strncmp(argv[i], "--recipe", length) != 0) continue;
+        found = lg_recipe_find(argv[i][length] == '=' ? argv[i] + length + 1
+                               : i + 1 < argc         ? argv[i + 1]
+                                                      : "");
     }
-    return NULL;
+    return found;
 }
 
 static void choose_recipe(const lg_recipe *chosen) {

@@ -78,6 +78,15 @@ TEST("lg-learn lists all recipes that also have their own program") {
     assert_true(found >= LG_COUNT(rows));
 }
 
+TEST("the last --recipe counts, and may be abbreviated") {
+    make_data(row_of("table"));
+    cli_json(learn, "train data.h5 --recipe hamiltonian --rec table --linear no --epochs 2 --out m.h5",
+             "rmse *");
+    cli_json(learn, "evaluate m.h5 data.h5", "recipe \"table\"");
+    cli_expect(learn, "train data.h5 --recipe=table --recip=hamiltonian --linear no --epochs 2 --out m.h5", 2,
+               "unrecognized option '--linear'");
+}
+
 TEST("train finds the same bits as the recipe's own program") {
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const struct learned *row = &rows[i];

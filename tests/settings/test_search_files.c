@@ -83,7 +83,7 @@ TEST("invalid ranges are refused") {
         {"fixed: {a: 1}\nranges:\n  b: {uniform: [0, 1]}\n  a: {uniform: [0, 1]}\n", "line 4",
          "first on line 1"},
         {"fixed:\n  a: 1\n  a: 2\nranges: {b: {uniform: [0, 1]}}\n", "line 3", "'a' stands twice"},
-        {"ranges: {b: {uniform: [0, 1]}}\nfixed: {\n  a: [1, 2]}\n", "line 3", "a: a value"},
+        {"ranges: {b: {uniform: [0, 1]}}\nfixed: {\n  a: [1, [2]]}\n", "line 3", "a: a value"},
         {"ranges: {b: {uniform: [0, 1]}}\nfixed:\n  a: ''\n", "line 3", "a: a value"},
         {"ranges:\n  --lr: {uniform: [0, 1]}\n", "line 2", "name of an option"},
         {"ranges:\n  'l r': {uniform: [0, 1]}\n", "line 2", "name of an option"},
