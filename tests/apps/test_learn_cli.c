@@ -171,6 +171,8 @@ TEST("a prediction is the motion that the recipe's program finds, and its table 
     const struct learned *row = row_of("hamiltonian");
     make_data(row);
     cli_expect(learn, test_text("train data.h5 --recipe hamiltonian %s --out m.h5", row->train), 0, "");
+    cli_expect(learn, "evaluate m.h5 data.h5", 0, "without measured starts");
+    cli_expect("lg-hamiltonian", "evaluate m.h5 data.h5", 0, "starts included");
     cli_expect("lg-hamiltonian", test_text("%s --json", start), 0, "");
     assert_int_equal(json_array(result.out, "y", theirs, 6), 6);
     cli_expect(learn, test_text("%s --out p.csv --json", start), 0, "");
