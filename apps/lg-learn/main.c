@@ -128,12 +128,15 @@ static void follow(const app *self, const lg_model *model, double *start, app_js
             APP_WHOLE("steps", stats.steps, NULL));
 }
 
-/* Prints the first output of a function of x, if the program has it. `label`: NULL for the output's name. */
-static void calculate(const app *self, const lg_program *program, const char *name, const double *x,
-                      const char *label) {
+/* Prints the first output of a function of --initial alone, if the program has it. `label`: NULL for the
+ * output's name. */
+static void calculate(const app *self, const lg_program *program, const char *name, const char *label) {
+    const double *x = flow_given.initial.values;
     size_t function, count;
     if (lg_program_find(program, name, &function, NULL) != LG_OK) return;
-    const lg_port *port = lg_program_outputs(program, function, &count);
+    const lg_port *port = lg_program_inputs(program, function, &count);
+    if (count != 1 || lg_shape_count(port->shape) != flow_given.initial.count) return;
+    port = lg_program_outputs(program, function, &count);
     const size_t numbers = lg_shape_count(port->shape);
     APP_FREE double **y = app_alloc(count, sizeof *y);
     APP_FREE double *first = y[0] = app_alloc(numbers, sizeof *first);
@@ -165,9 +168,9 @@ static void run_predict(app *self) {
     size_t chances;
     const bool logits = lg_program_find(program, "probability", &chances, NULL) == LG_OK;
     const bool energy = file.recipe != NULL && lg_model_space(file.model) != NULL;
-    calculate(self, program, "value", x, logits ? "logits" : energy ? "energy" : NULL);
-    calculate(self, program, "probability", x, "of the classes");
-    calculate(self, program, "velocities", x, "of the start, which has momenta; no input acts");
+    calculate(self, program, "value", logits ? "logits" : energy ? "energy" : NULL);
+    calculate(self, program, "probability", "of the classes");
+    calculate(self, program, "velocities", "of the start, which has momenta; no input acts");
     if (lg_model_space(file.model) != NULL) follow(self, file.model, x, self->out);
 }
 

@@ -402,9 +402,13 @@ static lg_status set_list(const lg_field *row, const char *text, void *run, lg_e
     return LG_OK;
 }
 
-static lg_status set_string(const lg_field *row, const char *text, void *run, lg_error *error) {
+static lg_status set_text(const lg_field *row, const char *text, void *run, lg_error *error) {
+    const bool borrowed = row->type == LG_FIELD_STRING;
     if (text[0] == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "the value is empty");
-    memcpy((char *)run + row->offset, &text, sizeof text);
+    if (!borrowed && strlen(text) >= row->size)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the text is longer than %zu bytes", row->size - 1);
+    memcpy((char *)run + row->offset, borrowed ? (const void *)&text : text,
+           borrowed ? sizeof text : strlen(text) + 1);
     return LG_OK;
 }
 
@@ -425,14 +429,7 @@ lg_status lg_field_set(const lg_field *row, const char *text, void *run, lg_erro
         memcpy((char *)run + row->offset, &real, sizeof real);
         return LG_OK;
     }
-    if (row->type == LG_FIELD_STRING) return set_string(row, text, run, error);
-    if (row->type == LG_FIELD_TEXT) {
-        if (text[0] == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "the value is empty");
-        if (strlen(text) >= row->size)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "the text is longer than %zu bytes", row->size - 1);
-        memcpy((char *)run + row->offset, text, strlen(text) + 1);
-        return LG_OK;
-    }
+    if (row->type == LG_FIELD_STRING || row->type == LG_FIELD_TEXT) return set_text(row, text, run, error);
     if (row->type == LG_FIELD_PHRASE) return row->parse(text, (char *)run + row->offset, error);
     if (!is_whole(row)) return lg_fail(error, LG_INVALID_ARGUMENT, "%s cannot be set", row->name);
     if (lg_field_find_name(row, text, &word))

@@ -201,10 +201,10 @@ TEST("predict checks its inputs as the recipe's program does, and says what its 
     cli_json(learn, "predict m.h5 --initial 0.9,0.5", "value *, warnings []");
     cli_write("classes.csv", "a,k\n1,u\n2,u\n3,u\n4,v\n5,v\n6,v\n1.5,u\n2.5,u\n4.5,v\n5.5,v\n");
     cli_expect("lg-fit", "train classes.csv --class k --test classes.csv --out m.h5 --epochs 9", 0, "");
-    cli_expect("lg-fit", "predict m.h5 classes.csv --out p.csv", 0, "");
+    cli_expect("lg-fit", "predict m.h5 classes.csv --out classes-p.csv", 0, "");
     double row[3], ours[2];
     char table[1024];
-    (void)cli_read("p.csv", table, sizeof table);
+    (void)cli_read("classes-p.csv", table, sizeof table);
     assert_int_equal(sscanf(table, "%*[^\n] u,%lf,%lf", &row[0], &row[1]), 2);
     cli_expect(learn, "predict m.h5 --initial 1", 0, "logits");
     cli_json(learn, "predict m.h5 --initial 1", "value *");

@@ -269,23 +269,22 @@ static lg_status add_scalar(const lg_yaml *yaml, const lg_field *key, const yaml
     return LG_OK;
 }
 
+static void put_values(void *member, const double *values, uint32_t count) {
+    lg_key_value *value = member;
+    value->count = count;
+    memcpy(value->real, values, count * sizeof *values);
+}
+
 /* Reads a text in quotes as command lines do: "4,4". Without quotes 9,81 may be meant as one number. */
 static lg_status read_quoted(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node,
                              const char *text, lg_key_value *value, lg_error *error) {
-    union {
-        lg_wholes wholes;
-        lg_reals reals;
-    } list;
     lg_error reason = {LG_OK, ""};
-    const lg_field row = {.type = key->type,
-                          .low = key->low,
-                          .high = key->high,
-                          .above = key->above,
-                          .most = key->most < LG_VALUES ? key->most : LG_VALUES};
-    if (lg_field_set(&row, text, &list, &reason) != LG_OK)
-        return LG_FAIL_AT(yaml, node, error, "%s: %.300s", key->name, reason.message);
-    value->count = lg_field_list(&row, &list, value->real);
-    return LG_OK;
+    lg_field row = *key;
+    row.offset = 0;
+    row.put = put_values;
+    if (row.most > LG_VALUES) row.most = LG_VALUES;
+    if (lg_field_set(&row, text, value, &reason) == LG_OK) return LG_OK;
+    return LG_FAIL_AT(yaml, node, error, "%s: %.300s", key->name, reason.message);
 }
 
 static lg_status read_list(lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, lg_key_value *value,
