@@ -293,7 +293,7 @@ static const refusal elastica[] = {
     {TRAIN "--optimizer {lm adam:1,lm}", 2,
      "is not a method of training; the methods are adam, ssbroyden, lbfgs"},
     {TRAIN "--prior 1", 2, "unrecognized option '--prior'"},
-    {TRAIN "--normalise yes", 2, "--normalise: 'yes' is not one of false, true"},
+    {TRAIN "--normalise maybe", 2, "--normalise: 'maybe' is not one of false, true"},
     {TRAIN "--boundary true", 2, "--boundary: --network discrete has no"},
     {"train both.h5 --out m.h5 --network angle --preset thesis", 2, "--preset: thesis has no settings"},
     {TRAIN "--train-fraction 0.95 --test-fraction 0.1", 2, "add up to more than 1"},
