@@ -160,19 +160,14 @@ static lg_status set_candidate(app *v, train_task *task, const lg_search_file *f
     return status == LG_OK ? LG_OK : LG_FORMAT;
 }
 
-/* Marks the options that training reads for a candidate. Returns false if some are not marked yet. */
-static bool mark_read(app *v, train_task *task, const lg_search_file *file, bool *read) {
+/* Marks the options that training reads for a candidate. */
+static void mark_read(app *v, train_task *task, const lg_search_file *file, bool *read) {
     lg_error ignored;
     uint32_t line;
-    bool all = true;
     const bool known = train_describe(v, task, NULL, &ignored) == LG_OK;
-    for (size_t i = 0; i < file->fixed_count + file->space.count; i++) {
-        const app_slot *slot = app_find_slot(v, entry(file, i, &line));
-        read[i] = read[i] || !known || train_ignores(task, slot) == NULL;
-        all = all && read[i];
-    }
+    for (size_t i = 0; i < file->fixed_count + file->space.count; i++)
+        if (!known || train_ignores(task, app_find_slot(v, entry(file, i, &line))) == NULL) read[i] = true;
     lg_training_release(&task->training);
-    return all;
 }
 
 /* Checks the candidates of a search: the combinations of all choices, at most MOST_CHECKED of them. An option
@@ -180,24 +175,23 @@ static bool mark_read(app *v, train_task *task, const lg_search_file *file, bool
 static lg_status check_candidates(const app *self, const app_command *train, train_task *task,
                                   const lg_search_file *file, uint32_t *line, lg_error *error) {
     const lg_range *range = file->space.ranges;
+    const size_t count = file->fixed_count + file->space.count;
     double drawn[LG_RANGE_MAX];
-    bool read[2 * LG_RANGE_MAX] = {false}, all = false;
+    bool read[2 * LG_RANGE_MAX] = {false};
     app v;
     for (size_t i = 0; i < file->space.count; i++) drawn[i] = range[i].low;
     for (size_t done = 0, i = 0; i < file->space.count; done++) {
         if (done == MOST_CHECKED) return LG_OK;
         v = virtual_begin(self, train);
         LG_TRY(set_candidate(&v, task, file, drawn, line, error));
-        all = all || mark_read(&v, task, file, read);
+        if (memchr(read, false, count) != NULL) mark_read(&v, task, file, read);
         for (i = 0; i < file->space.count; drawn[i] = range[i].low, i++)
             if (range[i].kind == LG_RANGE_CHOICE && ++drawn[i] < (double)range[i].choices) break;
     }
-    for (size_t i = 0; !all; i++) {
-        const char *name = entry(file, i, line);
-        if (!read[i])
-            return lg_fail(error, LG_FORMAT, "%s: %s", name, train_ignores(task, app_find_slot(&v, name)));
-    }
-    return LG_OK;
+    const bool *unread = memchr(read, false, count);
+    if (unread == NULL) return LG_OK;
+    const char *name = entry(file, (size_t)(unread - read), line);
+    return lg_fail(error, LG_FORMAT, "%s: %s", name, train_ignores(task, app_find_slot(&v, name)));
 }
 
 /* Two spellings of an option are the same option. */
