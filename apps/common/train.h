@@ -123,7 +123,7 @@ lg_fit_options train_fit_options(const app *app, const lg_fit_settings *training
  * is in static storage. */
 const char *train_refuses(const train_task *task, const app_slot *slot);
 /* The same after train_describe, when the plan of the training is known: an option that it does not use is
- * refused too. */
+ * rejected too. */
 const char *train_ignores(const train_task *task, const app_slot *slot);
 
 /* ---- parts for other commands ---- */
