@@ -19,7 +19,6 @@ typedef struct gatherer {
     lg_system *system; /* has the member's parameters; NULL if parameters do not vary */
     simulation sim;    /* of this system */
     watch seen;        /* of the member */
-    bool *suspect;     /* (room): whether a member's energy seems to change */
 } gatherer;
 
 typedef struct study {
@@ -80,28 +79,20 @@ static void fill_invariants(const study *all, gatherer *own, const lg_ensemble_b
     }
 }
 
-/* Looks at the end of a member and at some of the rows before it. */
-static void watch_member(gatherer *own, const lg_ensemble_block *of, size_t m) {
-    const size_t stride = 1 + (of->count - 1) / LOOKED_AT;
-    set_member(own, of, m);
-    watch_again(&own->seen, state_of(own, of, of->start, m));
-    for (size_t back = 1; back <= of->count; back += stride)
-        (void)watch_step(&own->seen, 0, 0,
-                         state_of(own, of, of->states + (of->count - back) * of->dim * of->room, m));
-}
-
-/* Counts members that leave the manifold, and members whose energy changes. The largest kinetic energy of the
- * block is known after the first pass. */
+/* Counts members that leave the manifold, and members whose energy changes: looks at the end of each member
+ * and at some of the rows before it. */
 static void watch_block(const study *all, gatherer *own, const lg_ensemble_block *of) {
-    own->seen.kinetic = 0;
-    for (int pass = 0; pass < 2; pass++)
-        for (size_t m = 0; m < of->members; m++) {
-            if (of->member[m].status != LG_OK || (pass > 0 && !own->suspect[m])) continue;
-            watch_member(own, of, m);
-            own->suspect[m] = watch_lost_energy(&own->seen, all->options.scheme);
-            own->part.left += pass == 0 && watch_left_manifold(&own->seen);
-            own->part.lost += pass > 0 && own->suspect[m];
-        }
+    const size_t stride = 1 + (of->count - 1) / LOOKED_AT;
+    for (size_t m = 0; m < of->members; m++) {
+        if (of->member[m].status != LG_OK) continue;
+        set_member(own, of, m);
+        watch_again(&own->seen, state_of(own, of, of->start, m));
+        for (size_t back = 1; back <= of->count; back += stride)
+            (void)watch_step(&own->seen, 0, 0,
+                             state_of(own, of, of->states + (of->count - back) * of->dim * of->room, m));
+        own->part.left += watch_left_manifold(&own->seen);
+        own->part.lost += watch_lost_energy(&own->seen, all->options.scheme);
+    }
 }
 
 static void visit_cells(const study *all, gatherer *own, const lg_ensemble_block *of, cell_visitor visit,
@@ -305,7 +296,6 @@ static void open_gatherers(study *all) {
         own->invariant = app_keep(all->invariants * room, sizeof(double));
         own->start = app_keep(all->invariants * room, sizeof(double));
         own->row = app_keep(row > parameters ? row : parameters, sizeof(double));
-        own->suspect = app_keep(room, sizeof *own->suspect);
         own->state = app_keep(all->sim->dim, sizeof(double));
         own->work = app_keep(lg_system_work_size(all->sim->system), 1);
         if (all->options.varied &&

@@ -136,7 +136,7 @@ typedef struct watch {
 } watch;
 
 void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded, const double *y0);
-/* Begins another run, from y0. What was traced and recorded, and the largest kinetic energy, stay. */
+/* Begins another run, from y0. What was traced and recorded stays. */
 void watch_again(watch *self, const double *y0);
 lg_status watch_step(void *self, double t, double h, const double *y);
 /* Whether the energy has changed more than its largest kinetic part allows; whether a constraint is

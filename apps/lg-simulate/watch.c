@@ -96,6 +96,7 @@ void watch_again(watch *self, const double *y0) {
         self->drift[i] = 0;
     }
     self->manifold = lg_space_manifold_error(lg_system_space(self->sim->system), y0);
+    self->kinetic = 0;
     if (self->energetic) look_at_kinetic(self, y0);
 }
 

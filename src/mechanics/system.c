@@ -406,12 +406,9 @@ size_t lg_system_own_work(const lg_system *system) {
     return in_all(system->row->work, system->links);
 }
 
-static bool is_generated(const lg_system *system) {
-    return lg_system_constrained(system) && !system->row->field[LG_COORDINATES_AMBIENT];
-}
-
 size_t lg_system_work_size(const lg_system *system) {
-    const size_t work = lg_system_own_work(system) + (is_generated(system) ? system->space.algebra_dim : 0);
+    const bool generated = lg_system_constrained(system) && !system->row->field[LG_COORDINATES_AMBIENT];
+    const size_t work = lg_system_own_work(system) + (generated ? system->space.algebra_dim : 0);
     return (work > 0 ? work : 1) * sizeof(double);
 }
 

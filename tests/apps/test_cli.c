@@ -477,10 +477,6 @@ TEST("the plot of a study has a block for each integrator, also when runs failed
 }
 
 TEST("a study continues only with the same method, prior and scale") {
-    for (int i = 0; i < 2; i++) {
-        shell("sed 's/^hidden:.*/hidden: %s/' grid.yaml > lists.yaml", i == 0 ? "[4, 4]" : "\"4,4\"");
-        cli_json(lg, "study lists.yaml --out lists.csv --jobs 1", i == 0 ? "new 8" : "new 0");
-    }
     shell("{ cat grid.yaml; echo 'method: lbfgs'; echo 'prior: 0.5'; } > later.yaml");
     cli_json(lg, "study later.yaml --out later.csv --jobs 1", "done 8");
     static const char *const changes[] = {"s/lbfgs/ssbroyden/", "s/^prior.*//", "$ a scaled: yes"};

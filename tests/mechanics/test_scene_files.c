@@ -435,12 +435,12 @@ TEST("keys of other systems and forms and unknown keys are refused, and the vali
         {"system: quadrotors\nreference: circle\n", "line 2", "'circle' is none of parabola"},
         {"system: quadrotors\nlinks: 2\n", "line 2", "'links' does not belong"},
         {"system: quadrotors\ninitial: {q: [[0, 0, 1], [0, 0, 1]], Omega: 0}\n", "line 2",
-         "system quadrotors (exact-thrusts; `form: attitudes` has initial.Omega)"},
+         "system quadrotors (exact-thrusts; or `form: attitudes`)"},
         {"system: heavy-top\nform: indirect\n", "line 2",
          "'indirect' is none of cotangent, direct, lie-poisson, quadratic"},
         {"system: heavy-top\nform: direct\ninitial: {Gamma: [0, 0, 1], Pi: [1, 2, 3]}\n", "line 3",
-         "'initial.Gamma' does not belong to system heavy-top (direct; `form: lie-poisson` has "
-         "initial.Gamma)"},
+         "'initial.Gamma' does not belong to system heavy-top (direct; or `form: cotangent`; or `form: "
+         "lie-poisson`"},
         {"system: oscillator\nform: lagrangian\n", "line 2", "hamiltonian"},
         {"system: oscillator\nmasses: [1]\n", "line 2", "does not belong"},
         {"system: pendulum-chain\ngravity: 1\nlinks: 1\nreference: parabola\n", "line 4", "does not belong"},

@@ -49,10 +49,6 @@ static bool is_chain(const char *system) {
     return strcmp(system, "pendulum-chain") == 0;
 }
 
-static bool has_reference(const char *system) {
-    return strcmp(system, "quadrotors") == 0;
-}
-
 /* Whether a parameter or a part of the state has one entry per link. */
 static bool has_links(const char *system, const char *form) {
     const lg_parameter_entry *parameter = lg_system_parameters(system, form);
@@ -146,7 +142,11 @@ static void add_parts(scene_table *table) {
 static lg_status build_table(const char *system, const char *form, scene_table *table, lg_error *error) {
     table->system = system;
     table->form = form;
-    (void)snprintf(table->title, sizeof table->title, form != NULL ? "%s (%s)" : "%s", system, form);
+    lg_append(table->title, sizeof table->title, form != NULL ? "%s (%s" : "%s", system, form);
+    for (size_t i = 0; form != NULL && form_of(system, i) != NULL; i++)
+        if (strcmp(form_of(system, i), form) != 0)
+            lg_append(table->title, sizeof table->title, "; or `form: %s`", form_of(system, i));
+    if (form != NULL) lg_append(table->title, sizeof table->title, ")");
     table->parameters = lg_system_parameters(system, form);
     table->parts = lg_system_state(system, form);
     if (is_chain(system)) {
@@ -156,32 +156,11 @@ static lg_status build_table(const char *system, const char *form, scene_table *
     }
     for (size_t i = 0; i < LG_COUNT(common_keys); i++) (void)add_key(table, "", &common_keys[i]);
     if (has_links(system, form)) table->links_at = add_key(table, "", &links_key);
-    if (has_reference(system)) (void)add_key(table, "", &reference_key);
+    if (strcmp(system, "quadrotors") == 0) (void)add_key(table, "", &reference_key);
     add_parameters(table);
     add_parts(table);
     if (table->count <= LG_SCENE_MAX_KEYS) return LG_OK;
     return lg_fail(error, LG_UNSUPPORTED, "system %s has more than %d keys", system, LG_SCENE_MAX_KEYS);
-}
-
-/* Adds another form to the title that has a key of the file which this form lacks. */
-static lg_status add_better_form(const lg_context *context, const lg_yaml *yaml, scene_table *table,
-                                 lg_error *error) {
-    LG_SCRATCH(scene_table, other, context, 1);
-    if (other == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "%s: out of memory", lg_yaml_path(yaml));
-    for (size_t i = 0; form_of(table->system, i) != NULL; i++) {
-        memset(other, 0, sizeof *other);
-        LG_TRY(build_table(table->system, form_of(table->system, i), other, error));
-        for (size_t k = 0; k < other->count; k++) {
-            const char *name = other->names[k];
-            size_t at = 0;
-            while (at < table->count && strcmp(table->names[at], name) != 0) at++;
-            if (at < table->count || !lg_yaml_has(yaml, name)) continue;
-            (void)snprintf(table->title, sizeof table->title, "%s (%s; `form: %s` has %s)", table->system,
-                           table->form, other->form, name);
-            return LG_OK;
-        }
-    }
-    return LG_OK;
 }
 
 /* ---- choice of the form ---- */
@@ -376,7 +355,6 @@ static lg_status read_scene(const lg_context *context, lg_yaml *yaml, const char
     const char *system = system_name((uint32_t)table->values->real[0]);
     LG_TRY(choose_form(yaml, system, form_wanted, &form, error));
     LG_TRY(build_table(system, form, table, error));
-    LG_TRY(add_better_form(context, yaml, table, error));
     lg_key_set sets[2] = {{table->keys, table->count, table->values}, {NULL, 0, NULL}};
     if (more != NULL) sets[1] = *more;
     LG_TRY(lg_yaml_read(yaml, sets, more != NULL ? 2 : 1, known_elsewhere, table->title, error));

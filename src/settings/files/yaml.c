@@ -269,29 +269,8 @@ static lg_status add_scalar(const lg_yaml *yaml, const lg_field *key, const yaml
     return LG_OK;
 }
 
-static void put_values(void *member, const double *values, uint32_t count) {
-    lg_key_value *value = member;
-    value->count = count;
-    memcpy(value->real, values, count * sizeof *values);
-}
-
-/* Reads a text in quotes as command lines do: "4,4". Without quotes 9,81 may be meant as one number. */
-static lg_status read_quoted(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node,
-                             const char *text, lg_key_value *value, lg_error *error) {
-    lg_error reason = {LG_OK, ""};
-    lg_field row = *key;
-    row.offset = 0;
-    row.put = put_values;
-    if (row.most > LG_VALUES) row.most = LG_VALUES;
-    if (lg_field_set(&row, text, value, &reason) == LG_OK) return LG_OK;
-    return LG_FAIL_AT(yaml, node, error, "%s: %.300s", key->name, reason.message);
-}
-
 static lg_status read_list(lg_yaml *yaml, const lg_field *key, const yaml_node_t *node, lg_key_value *value,
                            lg_error *error) {
-    const char *text = lg_node_text(node, sizeof value->text);
-    if (text != NULL && !is_names(key) && node->data.scalar.style != YAML_PLAIN_SCALAR_STYLE)
-        return read_quoted(yaml, key, node, text, value, error);
     if (node->type == YAML_SCALAR_NODE) return add_scalar(yaml, key, node, value, error);
     if (node->type != YAML_SEQUENCE_NODE)
         return LG_FAIL_AT(yaml, node, error, "%s: a list is expected", key->name);
