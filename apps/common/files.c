@@ -356,7 +356,7 @@ static lg_status may_write(const app *self, const char *path, const char *data, 
                known = there && about.st_dev == of->device && about.st_ino == of->inode;
     if (there && !known && !is_earlier(self, path, of->kind, data, bytes, whole))
         return lg_fail(error, LG_FILE,
-                       "%s: exists and is not an earlier result of this kind: remove it, or write to "
+                       "%s: exists and is not an earlier result of this kind: move it away, or write to "
                        "another file",
                        path);
     if (there && now && !self->continues) app_say_replaces(self, path);

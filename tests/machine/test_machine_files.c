@@ -409,7 +409,7 @@ TEST("wrong terms are refused with their line") {
         {HEAD "offset: [p]\n", "line 2", "'p' is neither a kind (unknown, known) nor a coordinate"},
         {HEAD "offset: [q, v]\n", "line 2", "'v' is given twice"},
         {HEAD "offset: {kind: known, values: [1, 2]}\n", "line 2", "has 2 values, expected 1"},
-        {HEAD "damping: {kind: diagonal, coulomb: yes}\n", "line 2", "none of false, true"},
+        {HEAD "damping: {kind: diagonal, coulomb: maybe}\n", "line 2", "none of false, true"},
         {HEAD "mass: {kind: network, of: [p]}\n", "line 2", "of: 'p' is unknown; expected one of q"},
         {HEAD "mass: {kind: network, of: [q.up]}\n", "line 2", "of: 'q.up' is unknown; expected one of q"},
         {HEAD "mass: {kind: network, of: [q.mass]}\n", "line 2", "of: 'q.mass' is unknown"},

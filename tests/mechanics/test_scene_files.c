@@ -894,6 +894,6 @@ static lg_status grid_step(const lg_context *context, void *user, lg_error *erro
 
 TEST("every allocation may fail, and nothing leaks") {
     const char *scene = file_of("scene.yaml", good_scene), *grid = file_of("grid.yaml", good_grid);
-    assert_int_equal(fail_every_allocation(scene_step, (void *)scene), 10);
-    assert_int_equal(fail_every_allocation(grid_step, (void *)grid), 14);
+    assert_int_equal(fail_every_allocation(scene_step, (void *)scene), 9);
+    assert_int_equal(fail_every_allocation(grid_step, (void *)grid), 13);
 }
