@@ -146,7 +146,7 @@ static held take(taking *t) {
     held got = HELD_GONE;
     for (int i = 0; i < (got == HELD_GONE ? TRIES : WAITS) && (got == HELD_GONE || got == HELD_ELSEWHERE);
          i++) {
-        if (got == HELD_ELSEWHERE) (void)poll(NULL, 0, WAIT_MS);
+        if (got == HELD_ELSEWHERE) poll(NULL, 0, WAIT_MS);
         got = attempt(t);
     }
     (void)close(t->folder);
