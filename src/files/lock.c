@@ -10,7 +10,6 @@
 #define _DEFAULT_SOURCE /* flock */
 #include <errno.h>
 #include <fcntl.h>
-#include <poll.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <sys/file.h>
@@ -20,13 +19,12 @@
 #include "files/h5.h"
 #include "files/temporary.h"
 
-enum { TRIES = 1000, WAITS = 25, WAIT_MS = 10, WORDS = 400 };
+enum { TRIES = 1000, WORDS = 400 };
 static const char head[] = "This is a lock of liegrad. It is removed when the output is written.\nprocess ";
 enum { HEAD = sizeof head - 1, NAMED = HEAD - 8 }; /* the words "process N on HOST: ..." begin at NAMED */
 
 /* For each descriptor: whether it holds a lock. A forked child has copies of these descriptors. A child that
- * outlived its killed parent would hold the lock until it ends. So a child closes its copies at once; a
- * process that finds the lock held waits for WAITS WAIT_MS, because such a child may not have run yet. */
+ * outlived its killed parent would hold the lock until it ends. So a child closes its copies at once. */
 static _Atomic bool holding[4096];
 
 static void in_child(void) {
@@ -144,11 +142,7 @@ static held take(taking *t) {
     /* Temporary files of killed writers may fill the disk, and the lock file needs a few bytes. */
     lg_sweep(t->folder, t->target);
     held got = HELD_GONE;
-    for (int i = 0; i < (got == HELD_GONE ? TRIES : WAITS) && (got == HELD_GONE || got == HELD_ELSEWHERE);
-         i++) {
-        if (got == HELD_ELSEWHERE) poll(NULL, 0, WAIT_MS);
-        got = attempt(t);
-    }
+    for (int i = 0; i < TRIES && got == HELD_GONE; i++) got = attempt(t);
     (void)close(t->folder);
     return got;
 }
