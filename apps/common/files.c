@@ -63,11 +63,18 @@ lg_status app_check_writable(const char *path, lg_error *error) {
     return why == NULL ? LG_OK : lg_fail(error, LG_FILE, "%s: cannot be written: %s", path, why);
 }
 
+/* realpath; without memory the command ends, because another name of a file would not be found again. */
+static char *real_path(const char *path) {
+    char *real = realpath(path, NULL);
+    if (real == NULL && errno == ENOMEM) app_out_of_memory();
+    return real;
+}
+
 /* ---- outputs ---- */
 
 /* Returns the path with its folder resolved; if the folder does not exist, the path is unchanged. */
 static char *resolved(const char *path) {
-    APP_FREE char *folder = app_folder_of(path), *real = realpath(folder, NULL);
+    APP_FREE char *folder = app_folder_of(path), *real = real_path(folder);
     return real != NULL ? app_format("%s/%s", real, app_name_of(path)) : app_format("%s", path);
 }
 
@@ -189,7 +196,7 @@ void app_release_claims(void) {
 static char *target_of(const char *path, bool folder) {
     APP_FREE char *named = app_format("%s", path);
     for (size_t n = strlen(named); n > 1 && named[n - 1] == '/'; n--) named[n - 1] = '\0';
-    APP_FREE char *real = realpath(named, NULL);
+    APP_FREE char *real = real_path(named);
     APP_FREE char *target = real != NULL ? app_format("%s", real) : resolved(named);
     APP_FREE char *above = app_format("%s/..", target);
     return app_format("%s%s", target, folder && access(above, W_OK) != 0 ? "/" : "");
@@ -356,7 +363,7 @@ static lg_status may_write(const app *self, const char *path, const char *data, 
                known = there && about.st_dev == of->device && about.st_ino == of->inode;
     if (there && !known && !is_earlier(self, path, of->kind, data, bytes, whole))
         return lg_fail(error, LG_FILE,
-                       "%s: exists and is not an earlier result of this kind: remove it, or write to "
+                       "%s: exists and is not an earlier result of this kind: move it away, or write to "
                        "another file",
                        path);
     if (there && now && !self->continues) app_say_replaces(self, path);

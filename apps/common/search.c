@@ -142,21 +142,15 @@ static const char *entry(const lg_search_file *file, size_t i, uint32_t *line) {
     return fixed ? file->fixed_name[i] : file->space.ranges[range].name;
 }
 
-/* Sets the options of a candidate and checks them as train does. An option that its method lacks is left out
- * if the search varies the method. *line is that of a rejected option. */
+/* Sets the options of a candidate and checks them as train does. An option that its method lacks is left out.
+ * *line is that of a rejected option. */
 static lg_status set_candidate(app *v, train_task *task, const lg_search_file *file, const double *drawn,
                                uint32_t *line, lg_error *error) {
     const size_t count = file->fixed_count + file->space.count;
-    const char *method = task->recipe->trainer->method;
-    bool varies = method == NULL;
     LG_TRY(set_all(v, task, file, drawn, line, error));
-    for (size_t i = file->fixed_count; i < count; i++)
-        varies = varies || strcmp(app_find_slot(v, entry(file, i, line))->name, method) == 0;
     for (size_t i = 0; i < count; i++) {
-        const char *name = entry(file, i, line), *command = train_refuses(task, app_find_slot(v, name));
-        if (command != NULL && !varies)
-            return lg_fail(error, LG_FORMAT, "'%s' is not an option of %s", name, command);
-        app_find_slot(v, name)->given = command == NULL;
+        app_slot *slot = app_find_slot(v, entry(file, i, line));
+        slot->given = train_refuses(task, slot) == NULL;
     }
     const lg_status status = task->check != NULL ? task->check(v, error) : LG_OK;
     for (size_t i = 0; status != LG_OK && i < count; i++) {
@@ -166,19 +160,38 @@ static lg_status set_candidate(app *v, train_task *task, const lg_search_file *f
     return status == LG_OK ? LG_OK : LG_FORMAT;
 }
 
-/* Checks the candidates of a search: the combinations of all choices, at most MOST_CHECKED of them. */
+/* Marks the options that training reads for a candidate. */
+static void mark_read(app *v, train_task *task, const lg_search_file *file, bool *read) {
+    lg_error ignored;
+    uint32_t line;
+    const bool known = train_describe(v, task, NULL, &ignored) == LG_OK;
+    for (size_t i = 0; i < file->fixed_count + file->space.count; i++)
+        if (!known || train_ignores(task, app_find_slot(v, entry(file, i, &line))) == NULL) read[i] = true;
+    lg_training_release(&task->training);
+}
+
+/* Checks the candidates of a search: the combinations of all choices, at most MOST_CHECKED of them. An option
+ * that none of them reads is rejected. */
 static lg_status check_candidates(const app *self, const app_command *train, train_task *task,
                                   const lg_search_file *file, uint32_t *line, lg_error *error) {
     const lg_range *range = file->space.ranges;
+    const size_t count = file->fixed_count + file->space.count;
     double drawn[LG_RANGE_MAX];
+    bool read[2 * LG_RANGE_MAX] = {false};
+    app v;
     for (size_t i = 0; i < file->space.count; i++) drawn[i] = range[i].low;
-    for (size_t done = 0, i = 0; done < MOST_CHECKED && i < file->space.count; done++) {
-        app v = virtual_begin(self, train);
+    for (size_t done = 0, i = 0; i < file->space.count; done++) {
+        if (done == MOST_CHECKED) return LG_OK;
+        v = virtual_begin(self, train);
         LG_TRY(set_candidate(&v, task, file, drawn, line, error));
+        if (memchr(read, false, count) != NULL) mark_read(&v, task, file, read);
         for (i = 0; i < file->space.count; drawn[i] = range[i].low, i++)
             if (range[i].kind == LG_RANGE_CHOICE && ++drawn[i] < (double)range[i].choices) break;
     }
-    return LG_OK;
+    const bool *unread = memchr(read, false, count);
+    if (unread == NULL) return LG_OK;
+    const char *name = entry(file, (size_t)(unread - read), line);
+    return lg_fail(error, LG_FORMAT, "%s: %s", name, train_ignores(task, app_find_slot(&v, name)));
 }
 
 /* Two spellings of an option are the same option. */
@@ -193,13 +206,15 @@ static lg_status check_spellings(const app *v, const lg_search_file *file, uint3
     return LG_OK;
 }
 
-static void check_names(const app *self, const app_command *train, train_task *task,
-                        const lg_search_file *file) {
+/* Reads the data after the names and values are checked, because a default may depend on the data. */
+static void check_and_read(const app *self, const app_command *train, train_task *task,
+                           const lg_search_file *file) {
     lg_error error = {LG_OK, ""};
     app v = virtual_begin(self, train);
     uint32_t line = 0;
     lg_status status = set_all(&v, task, file, NULL, &line, &error);
     if (status == LG_OK) status = check_spellings(&v, file, &line, &error);
+    if (status == LG_OK) train_read(self, task);
     if (status == LG_OK) status = check_candidates(self, train, task, file, &line, &error);
     if (status != LG_OK) app_stop(self, status, "%s: line %u: %s", self->arguments[0], line, error.message);
 }
@@ -462,7 +477,6 @@ static void print_best(const searching *search, size_t best) {
     uint32_t line;
     (void)set_candidate(&v, search->task, file, value, &line, &ignored);
     (void)train_describe(&v, search->task, NULL, &ignored);
-    const bool adam = lg_fit_plan_batches(&train_training(search->task)->plan);
     lg_training_release(&search->task->training);
     app_put(out, "best: trial %llu, objective %.4e; %s train",
             (unsigned long long)search->trials[best].number, search->trials[best].objective,
@@ -476,7 +490,7 @@ static void print_best(const searching *search, size_t best) {
         const char *name = entry(file, i, &line);
         const app_slot *slot = app_find_slot(&v, name);
         const size_t k = i - file->fixed_count;
-        if (!slot->given || (slot->row->adam && !adam)) continue;
+        if (!slot->given || train_ignores(search->task, slot) != NULL) continue;
         app_put(out, " --%s %s", name,
                 i < file->fixed_count ? file->fixed_value[i]
                                       : value_text(&file->space.ranges[k], value[k], number));
@@ -617,9 +631,8 @@ void search_main(app *self, const app_command *train, train_task *task) {
     app_check_outputs(self, &out, 1);
     train_begin(self, task, 1);
     APP_FILE(self, ranges, lg_search_file_read, file);
-    check_names(self, train, task, file);
+    check_and_read(self, train, task, file);
     plan(&search);
-    train_read(self, task);
     search.results = app_alloc(search_given.trials, sizeof *search.results);
     search.trials = app_alloc(search_given.trials, sizeof *search.trials);
     (void)snprintf(search.setting, sizeof search.setting,

@@ -89,7 +89,7 @@ void train_prepare(const app *self, train_task *task) {
 lg_status train_create(train_task *task, const lg_fit_options *options, lg_error *error) {
     task->training.options = *options;
     LG_TRY(lg_training_create_fit(&task->training, error));
-    if (options->prior > 0 && app_given(app_running(), "prior") && task->training.problem.observations == 0)
+    if (options->prior > 0 && given(&task->training, "prior") && task->training.problem.observations == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "--prior: this loss is no sum of squares of a network, so it has no prior: leave the "
                        "option out");
@@ -128,15 +128,41 @@ const char *train_refuses(const train_task *task, const app_slot *slot) {
     if (method == NULL || slot->row->methods == 0) return NULL;
     const uint32_t number = (uint32_t)lg_field_whole(method, values);
     if ((slot->row->methods & 1u << number) != 0) return NULL;
-    (void)snprintf(text, sizeof text, "--%s %s", task->recipe->trainer->method,
+    (void)snprintf(text, sizeof text, "--%s %s has no such option", task->recipe->trainer->method,
                    lg_field_name(method, number));
     return text;
 }
 
-static void check_options(const app *self, const train_task *task) {
+/* Returns whether a method of the plan can use the prior: one that minimises a general loss, so neither a
+ * method in batches nor one for sums of squares. */
+static bool takes_prior(const lg_fit_plan *plan) {
+    bool takes = false;
+    for (uint32_t i = 0; i < plan->phases; i++) {
+        const lg_fit_method method = (lg_fit_method)plan->phase[i].method;
+        takes = takes || !(lg_fit_method_batches(method) || lg_fit_method_squares(method));
+    }
+    return takes;
+}
+
+const char *train_ignores(const train_task *task, const app_slot *slot) {
+    static char text[LG_FIT_PLAN_TEXT + 64];
+    char plan[LG_FIT_PLAN_TEXT];
+    const lg_fit_settings *training = train_training(task);
+    const bool prior = strcmp(slot->name, "prior") == 0 && training->prior > 0;
+    const bool takes =
+        prior ? takes_prior(&training->plan) : !slot->row->adam || lg_fit_plan_batches(&training->plan);
+    if (takes) return train_refuses(task, slot);
+    lg_fit_plan_show(&training->plan, plan);
+    (void)snprintf(text, sizeof text, "is for %s; training by %s has no such option",
+                   prior ? "ssbroyden and lbfgs" : "adam", plan);
+    return text;
+}
+
+static void check_options(const app *self, const train_task *task,
+                          const char *(*refuses)(const train_task *, const app_slot *)) {
     for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++) {
-        const char *command = slot->given ? train_refuses(task, slot) : NULL;
-        if (command != NULL) app_stop_usage(self, "--%s: %s has no such option", slot->name, command);
+        const char *why = slot->given ? refuses(task, slot) : NULL;
+        if (why != NULL) app_stop_usage(self, "--%s: %s", slot->name, why);
     }
 }
 
@@ -356,31 +382,6 @@ const lg_field train_preset_rows[] = {
      .meaning = "Source of options that are not given: the published settings (thesis) or ours (best)"},
     LG_FIELD_END};
 
-/* Returns whether a method of the plan can use the prior: one that minimises a general loss, so neither a
- * method in batches nor one for sums of squares. */
-static bool takes_prior(const lg_fit_plan *plan) {
-    bool takes = false;
-    for (uint32_t i = 0; i < plan->phases; i++) {
-        const lg_fit_method method = (lg_fit_method)plan->phase[i].method;
-        takes = takes || !(lg_fit_method_batches(method) || lg_fit_method_squares(method));
-    }
-    return takes;
-}
-
-/* Rejects options that the plan does not use: --prior, and the options of Adam. */
-static void check_method(const app *self, const train_task *task) {
-    char plan[LG_FIT_PLAN_TEXT];
-    const lg_fit_settings *training = train_training(task);
-    lg_fit_plan_show(&training->plan, plan);
-    const bool prior = app_given(self, "prior") && training->prior > 0;
-    if (prior && !takes_prior(&training->plan))
-        app_stop_usage(self, "--prior: is for ssbroyden and lbfgs; training by %s has no such option", plan);
-    if (lg_fit_plan_batches(&training->plan)) return;
-    for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++)
-        if (slot->given && slot->row->adam)
-            app_stop_usage(self, "--%s: is for adam; training by %s has no such option", slot->name, plan);
-}
-
 /* The histories of 10^6 epochs take 40 MB. */
 uint64_t train_epochs(const app *self, const lg_fit_settings *training) {
     enum { NO_LIMIT = 1000000 };
@@ -400,7 +401,7 @@ static void run_with(app *self, train_task *task, const stored_run *stored, cons
     if (stored->reader != NULL && !app_given(self, "epochs"))
         training->epochs = stored_training(task, stored)->epochs;
     training->epochs = train_epochs(self, training);
-    if (stored->reader == NULL) check_method(self, task);
+    if (stored->reader == NULL) check_options(self, task, train_ignores);
     /* A run derived again from --preset knows the parts of the data only after the split, so it is compared
      * only then. */
     if (!(splits && again)) compare(self, task, stored);
@@ -416,7 +417,7 @@ void train_open(app *self, train_task *task) {
     lg_error error = {LG_OK, ""};
     train_begin(self, task, 0);
     if (task->check != NULL) must(self, task->check(self, &error), &error);
-    check_options(self, task);
+    check_options(self, task, train_refuses);
     check_files(self, task);
     app_read_options(self);
     train_read(self, task);

@@ -119,9 +119,12 @@ extern uint32_t train_preset_given;
     { train_preset_rows, &train_preset_given, sizeof train_preset_given }
 /* Options of the fit: the run's hyperparameters, and app's threads and ranks. */
 lg_fit_options train_fit_options(const app *app, const lg_fit_settings *training);
-/* Returns the chosen method, as in "--network angle", if it does not have the option `slot`; otherwise NULL.
- * The text is in static storage. */
+/* Why the chosen method, as in "--network angle", does not have the option `slot`; NULL if it has. The text
+ * is in static storage. */
 const char *train_refuses(const train_task *task, const app_slot *slot);
+/* The same after train_describe, when the plan of the training is known: an option that it does not use is
+ * rejected too. */
+const char *train_ignores(const train_task *task, const app_slot *slot);
 
 /* ---- parts for other commands ---- */
 

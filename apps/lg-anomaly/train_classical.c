@@ -149,30 +149,24 @@ static lg_classifier_options base_options(const app *self) {
 
 static void list_candidates(const app *self, choice *out) {
     const lg_classifier_options base = base_options(self);
-    const bool svm = train_given.method == METHOD_SVM_LINEAR || train_given.method == METHOD_SVM_RBF;
-    out->options = app_keep(MAX_GRID, sizeof *out->options);
-    out->count = 0;
-    if (train_given.method == METHOD_TREE && train_name(train_given.prune) == PRUNE_PRE) {
-        for (uint32_t depth = 2; depth <= deepest(); depth++)
-            for (uint32_t split = 2; split <= 4; split++)
-                for (uint32_t leaf = 1; leaf <= 2; leaf++) {
-                    lg_classifier_options *option = &out->options[out->count++];
-                    *option = base;
-                    option->tree.max_depth = depth;
-                    option->tree.min_samples_split = split;
-                    option->tree.min_samples_leaf = leaf;
-                }
-        return;
-    }
-    const bool given = train_given.grid.count > 0, automatic = svm && !app_given(self, "c") && !given;
+    const bool svm = train_given.method == METHOD_SVM_LINEAR || train_given.method == METHOD_SVM_RBF,
+               tree = train_given.method == METHOD_TREE && train_name(train_given.prune) == PRUNE_PRE,
+               given = train_given.grid.count > 0, automatic = svm && !app_given(self, "c") && !given;
     const double *grid = given ? train_given.grid.values : default_grid;
     const size_t count = given ? train_given.grid.count : automatic ? LG_COUNT(default_grid) : 0;
-    for (size_t i = 0; i < count; i++) {
-        out->options[i] = base;
-        out->options[i].c = grid[i];
+    out->options = app_keep(MAX_GRID, sizeof *out->options);
+    out->count = tree ? 6 * (deepest() - 1) : count > 0 ? count : 1;
+    for (uint32_t i = 0; i < out->count; i++) {
+        lg_classifier_options *option = &out->options[i];
+        *option = base;
+        if (tree) {
+            option->tree.max_depth = 2 + i / 6;
+            option->tree.min_samples_split = 2 + i / 2 % 3;
+            option->tree.min_samples_leaf = 1 + i % 2;
+        } else if (count > 0) {
+            option->c = grid[i];
+        }
     }
-    out->count = count;
-    if (count == 0) out->options[out->count++] = base;
 }
 
 static void choose(classical *self) {
@@ -282,6 +276,11 @@ void put_pruning(app_plot *plot, const void *view) {
 
 /* ---- results ---- */
 
+#define TREE_SIZES(option)                                                                                   \
+    LG_AS_WHOLE("max_depth", option->tree.max_depth),                                                        \
+        LG_AS_WHOLE("min_samples_split", option->tree.min_samples_split),                                    \
+        LG_AS_WHOLE("min_samples_leaf", option->tree.min_samples_leaf)
+
 static void put_choice(app_json *out, const choice *chosen) {
     APP_PUT(out,
             APP_REAL("cv_accuracy", chosen->accuracy[chosen->best], "best of the grid by cross-validation"),
@@ -289,16 +288,11 @@ static void put_choice(app_json *out, const choice *chosen) {
     app_json_open(out, "grid", '[');
     for (size_t i = 0; i < chosen->count; i++) {
         const lg_classifier_options *option = &chosen->options[i];
-        app_json_open(out, NULL, '{');
-        if (train_given.method == METHOD_TREE) {
-            APP_PUT(out, LG_AS_WHOLE("max_depth", option->tree.max_depth),
-                    LG_AS_WHOLE("min_samples_split", option->tree.min_samples_split),
-                    LG_AS_WHOLE("min_samples_leaf", option->tree.min_samples_leaf));
-        } else {
-            app_json_real(out, "c", option->c);
-        }
-        app_json_real(out, "accuracy", chosen->accuracy[i]);
-        app_json_close(out, '}');
+        const lg_result accuracy = LG_AS_REAL("accuracy", chosen->accuracy[i]);
+        if (train_given.method == METHOD_TREE)
+            APP_OBJECT(out, NULL, TREE_SIZES(option), accuracy);
+        else
+            APP_OBJECT(out, NULL, LG_AS_REAL("c", option->c), accuracy);
     }
     app_json_close(out, ']');
 }
@@ -307,10 +301,7 @@ static void put_method(app_json *out, const lg_classifier *model, const lg_class
     if (model->method == LG_METHOD_TREE) {
         APP_PUT(out, APP_WHOLE("depth", model->tree.depth, NULL), APP_WHOLE("nodes", model->tree.count, NULL),
                 LG_AS_TEXT("criterion", lg_tree_criterion_name(option->tree.criterion)),
-                LG_AS_REAL("ccp_alpha", option->tree.ccp_alpha),
-                LG_AS_WHOLE("max_depth", option->tree.max_depth),
-                LG_AS_WHOLE("min_samples_split", option->tree.min_samples_split),
-                LG_AS_WHOLE("min_samples_leaf", option->tree.min_samples_leaf));
+                LG_AS_REAL("ccp_alpha", option->tree.ccp_alpha), TREE_SIZES(option));
     } else if (model->method == LG_METHOD_RIDGE) {
         app_result_real(out, "penalty", model->logistic.penalty, NULL);
     } else {

@@ -462,6 +462,11 @@ static void watch_feed(watching *self, int file, size_t watch_bytes) {
         app_warn(self->app,
                  "--crack-at %.15g s is after the last sample, at %.15g s (seconds here, hours for `feed`)",
                  values.crack_at, self->now);
+    if (!app_interrupted() && self->tally.judged > 0 && self->tally.judged_before == 0)
+        app_warn(self->app,
+                 "--crack-at %.15g s is before the end of the first scored window, so false alarms are not "
+                 "known (seconds here, hours for `feed`)",
+                 values.crack_at);
     print_summary(self, seconds, watch_bytes, start_rss);
     app_result_end(self->app); /* the file of --log may fail later */
 }

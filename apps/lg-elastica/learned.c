@@ -247,14 +247,7 @@ static void run_predict(app *self) {
     APP_FILE(self, model, lg_recipe_load, NULL, &lg_recipe_surrogate, &p.file);
     read_where(self, &p);
     read_points(self, &p);
-    p.beyond = lg_elastica_count_outside(&p.file, p.x, NULL, 1);
-    if (p.beyond.count > 0)
-        app_warn(
-            self,
-            "outside the training range: the nearest boundary conditions of the training part are %.3g away, "
-            "where neighbours in the training part are at most %.3g apart, and the query lies %.3g off their "
-            "family, where they themselves lie at most %.3g off; the curve may be meaningless",
-            p.beyond.largest, p.beyond.reach, p.beyond.off, p.beyond.spread);
+    p.beyond = lg_elastica_warn_outside(self->context, &p.file, p.x);
     compute(self, &p);
     if (predict_given.solve) compare(self, &p);
     write_curves(self, predict_given.out, &p.curve, 1, false);

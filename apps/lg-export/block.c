@@ -168,14 +168,22 @@ static void add_arguments(const block *b, const char *array, const size_t *varia
     for (size_t i = 0; i < count; i++) lg_text_add(to, "%s + %zu, ", array, b->variables[variables[i]].at);
 }
 
+/* Calls a function of part p, whose results `out` go to, or a derivative of it. NULL: it has no such
+ * argument. */
+static void add_part(const block *b, const part *p, const char *function, const char *seed, const char *out,
+                     const char *room, text *to) {
+    add_call(b, function, to);
+    add_arguments(b, "r", p->in, p->ins, to);
+    if (seed != NULL) add_arguments(b, seed, p->in, p->ins, to);
+    add_arguments(b, out, p->out, p->outs, to);
+    if (room != NULL) add_arguments(b, room, p->in, p->ins, to);
+    lg_text_add(to, "work);\n");
+}
+
 void block_add_evaluate(const block *b, text *to) {
     lg_text_add(to, "static void evaluate(const double *r, double *out, double *work) {\n");
-    for (const part *p = b->parts; p < b->parts + b->part_count; p++) {
-        add_call(b, p->name, to);
-        add_arguments(b, "r", p->in, p->ins, to);
-        add_arguments(b, "out", p->out, p->outs, to);
-        lg_text_add(to, "work);\n");
-    }
+    for (const part *p = b->parts; p < b->parts + b->part_count; p++)
+        add_part(b, p, p->name, NULL, "out", NULL, to);
     lg_text_add(to, "}\n\n");
 }
 
@@ -192,13 +200,8 @@ void block_add_forward(const block *b, text *to) {
                     "static int forward(const double *r, const double *seed, double *out, double *work) {\n"
                     "    memcpy(out, seed, NUMBERS * sizeof *out);\n");
     if (!can) lg_text_add(to, "    (void)r, (void)work;\n");
-    for (const part *p = b->parts; p < b->parts + b->part_count && can; p++) {
-        add_call(b, p->forward, to);
-        add_arguments(b, "r", p->in, p->ins, to);
-        add_arguments(b, "seed", p->in, p->ins, to);
-        add_arguments(b, "out", p->out, p->outs, to);
-        lg_text_add(to, "work);\n");
-    }
+    for (const part *p = b->parts; p < b->parts + b->part_count && can; p++)
+        add_part(b, p, p->forward, "seed", "out", NULL, to);
     lg_text_add(to, "    return %d;\n}\n\n", can);
 }
 
@@ -215,11 +218,7 @@ void block_add_adjoint(const block *b, text *to) {
         "{\n    memcpy(out, seed, NUMBERS * sizeof *out);\n");
     if (!can) lg_text_add(to, "    (void)r, (void)room, (void)work, (void)add;\n");
     for (const part *p = b->parts; p < b->parts + b->part_count && can; p++) {
-        add_call(b, p->adjoint, to);
-        add_arguments(b, "r", p->in, p->ins, to);
-        add_arguments(b, "seed", p->out, p->outs, to);
-        add_arguments(b, "room", p->in, p->ins, to);
-        lg_text_add(to, "work);\n");
+        add_part(b, p, p->adjoint, NULL, "seed", "room", to);
         for (size_t k = 0; k < p->ins; k++) {
             const variable *v = &b->variables[p->in[k]];
             lg_text_add(to, "    add(out + %zu, room + %zu, %zu);\n", v->at, v->at, v->count);

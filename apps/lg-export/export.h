@@ -224,7 +224,12 @@ double export_squares(const export_options *options, const double *values, size_
 /* Returns whether all numbers are finite in the exported type, and also the squares of their norms, which the
  * self-test computes. */
 bool export_golden_fits(const export_source *source);
-/* Writes the golden vectors as text for NAME_test.c. */
+/* The frame of NAME_test.c with `count` golden vectors: types and constants before the tables and the
+ * functions that compute results; then the list of functions (rows) and what compares, in
+ * code/frame/test_main.c. `largest`: number of results of the longest function. */
+void export_test_begin(const export_source *source, size_t count, text *to);
+void export_test_end(const export_source *source, const text *rows, size_t largest, text *to);
+/* Writes the self-test of a model that is no bundle. */
 void export_golden_write(const export_source *source, text *to);
 
 /* ---- code that the library writes (bundle.c) ---- */

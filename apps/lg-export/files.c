@@ -139,17 +139,12 @@ static void add_test(const export_source *source, text *to) {
         to,
         "/* Self-test of %s: golden vectors, computed in double precision by the library that trained the\n"
         " * model. Written by lg-export. */\n#include \"%s.h\"\n\n#include <math.h>\n#include <stddef.h>\n"
-        "#include <stdio.h>\n#include <string.h>\n%s\ntypedef %s_real real;\n\n",
-        name, name, source->bundle ? "#include <float.h>\n" : "", name);
-    if (source->bundle) {
+        "#include <stdio.h>\n#include <string.h>\n#include <float.h>\n\ntypedef %s_real real;\n\n",
+        name, name, name);
+    if (source->bundle)
         lg_text_add(to, "%s", or_nothing(&source->test));
-        return;
-    }
-    export_golden_write(source, to);
-    lg_text_add(to, "%s\n%s\n", or_nothing(&source->test), export_fragment_text("test_norms"));
-    lg_text_add_named(to, name, export_fragment_text("test_check"));
-    lg_text_add(to, "\n");
-    lg_text_add_named(to, name, export_fragment_text(source->outputs > 0 ? "test_main" : "test_extra"));
+    else
+        export_golden_write(source, to);
 }
 
 void export_add_named(const export_source *source, const char *lines, text *to) {

@@ -13,25 +13,56 @@ void export_golden_make(export_source *source, bool jacobian, size_t extras, con
     if (extras > 0) source->golden.extra = app_keep(count * extras, sizeof(double));
 }
 
+void export_test_begin(const export_source *source, size_t count, text *to) {
+    lg_text_add(to, "enum { GOLDEN = %zu };\n#define EPSILON %s\n\n%s\n", count,
+                source->options->dtype == LG_F32 ? "(double)FLT_EPSILON" : "DBL_EPSILON",
+                export_fragment_text("test_types"));
+}
+
+void export_test_end(const export_source *source, const text *rows, size_t largest, text *to) {
+    lg_text_add(to,
+                "\nstatic const function functions[] = {\n%s    {NULL, NULL, NULL, NULL, 0, 0, 0, NULL}};\n"
+                "enum { LARGEST = %zu };\n\n",
+                rows->data, largest > 0 ? largest : 1);
+    lg_text_add_named(to, source->options->name, export_fragment_text("test_main"));
+}
+
 void export_golden_write(const export_source *source, text *to) {
     const export_golden *golden = &source->golden;
-    const size_t sizes[] = {source->inputs, source->outputs, source->outputs * source->inputs,
-                            golden->extras};
-    const double *const tables[] = {golden->x, golden->y, golden->jacobian, golden->extra};
-    static const char *const names[] = {"golden_x", "golden_value", "golden_gradient", "golden_extra"};
+    const char *name = source->options->name;
+    const size_t in = source->inputs, out = source->outputs, all = out * in;
+    const struct {
+        const char *id, *name, *array, *call;
+        const double *values;
+        size_t size;
+    } rows[] = {
+        {"value", "value", "value", "eval(x, y, work)", golden->y, out},
+        {"gradient", "gradient", "gradient", "grad(x, NULL, y, work)", golden->jacobian, all},
+        {"beside", "value beside gradient", "value", "grad(x, y, other, work)", golden->jacobian, out},
+        {"extra", golden->extra_name, "extra", "extra(x, y, work)", golden->extra, golden->extras}};
+    text table = app_text();
     size_t largest = 0;
-    for (size_t i = 1; i < LG_COUNT(tables); i++)
-        if (tables[i] != NULL && sizes[i] > largest) largest = sizes[i];
-    lg_text_add(to, "enum { GOLDEN = %zu, LARGEST = %zu };\n", golden->count, largest);
-    if (golden->jacobian != NULL) lg_text_add(to, "#define GRADIENT\n");
-    if (golden->extras > 0) {
-        lg_text_add(to, "#define EXTRAS %zu\n#define EXTRA_NAME ", golden->extras);
-        lg_text_add_literal(to, golden->extra_name);
-        lg_text_add(to, "\n");
+    export_test_begin(source, golden->count, to);
+    export_reals(source, to, "golden_x", golden->x, golden->count * in);
+    lg_text_add(to, "%s\n", source->test.data != NULL ? source->test.data : "");
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        APP_FREE char *array = app_format("golden_%s", rows[i].array);
+        const size_t size = rows[i].size, other = i == 2 ? all : 1;
+        if (rows[i].values == NULL || size == 0) continue;
+        if (i != 2) export_reals(source, to, array, rows[i].values, golden->count * size);
+        lg_text_add(to,
+                    "static void run_%s(const real *x, real *y, int only, real *work) {\n"
+                    "    static real other[%zu];\n    (void)only, (void)other;\n    %s%s%s;\n}\n"
+                    "static const result outputs_of_%s[] = {{\"\", -1, 0, %zu}, {NULL, 0, 0, 0}};\n",
+                    rows[i].id, other, i < 3 ? name : "", i < 3 ? "_" : "", rows[i].call, rows[i].id, size);
+        lg_text_add(&table, "    {");
+        lg_text_add_literal(&table, rows[i].name);
+        lg_text_add(&table, ", run_%s, golden_x, %s, %zu, %zu, %s_TOLERANCE, outputs_of_%s},\n", rows[i].id,
+                    array, in, size, name, rows[i].id);
+        if (size > largest) largest = size;
     }
-    for (size_t i = 0; i < LG_COUNT(tables); i++)
-        if (tables[i] != NULL && sizes[i] > 0)
-            export_reals(source, to, names[i], tables[i], golden->count * sizes[i]);
+    export_test_end(source, &table, largest, to);
+    lg_text_destroy(&table);
 }
 
 double export_squares(const export_options *options, const double *values, size_t count) {

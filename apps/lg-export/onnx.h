@@ -4,7 +4,6 @@
 #define LG_EXPORT_ONNX_H
 
 #include "lg-export/graph.h"
-#include "lg-export/protobuf.h"
 
 enum { ONNX_FLOAT = 1, ONNX_INT64 = 7, ONNX_BOOL = 9, ONNX_DOUBLE = 11 }; /* Types of tensors. */
 
@@ -86,5 +85,11 @@ bool onnx_translate(onnx_job *j, uint32_t node);
 
 /* Returns an operation of the function that onnxruntime offers in single precision only, or NULL. */
 const char *onnx_single_only(const graph *g);
+
+/* Protocol buffers, the format of ONNX files: fields one behind the other, each with its number. */
+void proto_whole(text *to, int field, int64_t value);
+void proto_text(text *to, int field, const char *value);
+/* Adds `message` as a field of `to`, then frees the message's text. */
+void proto_message(text *to, int field, text *message);
 
 #endif

@@ -232,8 +232,10 @@ static void add_function(job *j, size_t index, text *table, size_t *largest) {
     add_outputs(j, &e, name);
     const double unit = 20 * export_eps(options) * (double)depth,
                  condition = export_bound_tolerance(j->source, unit * j->condition) / unit;
-    lg_text_add(table, "    {\"%s\", run_%s, %s_golden_x, %s_golden_y, %zu, %zu, %zu, %g, outputs_of_%s},\n",
-                name, name, name, name, ins, outs, depth, condition, name);
+    lg_text_add(
+        table,
+        "    {\"%s\", run_%s, %s_golden_x, %s_golden_y, %zu, %zu, 20 * EPSILON * %zu * %g, outputs_of_%s},\n",
+        name, name, name, name, ins, outs, depth, condition, name);
     if (outs > *largest) *largest = outs;
     if (j->condition > j->source->condition) j->source->condition = j->condition;
     export_evaluation_close(&e);
@@ -242,25 +244,12 @@ static void add_function(job *j, size_t index, text *table, size_t *largest) {
 static void add_test(job *j) {
     text table = app_text(), *to = &j->source->test;
     const export_source *source = j->source;
-    size_t largest = source->further_size > 0 ? source->further_size : 1;
-    /* The fragment's types go before the tables, the code that uses them (from `mean_norm` on) goes after
-     * them. */
-    APP_FREE char *fragment = app_format("%s", export_fragment_text("test_program"));
-    char *rest = strstr(fragment, "static double mean_norm");
-    *rest = '\0';
-    lg_text_add(to, "enum { GOLDEN = %llu };\n#define EPSILON %s\n\n%s",
-                (unsigned long long)source->options->golden,
-                source->options->dtype == LG_F32 ? "(double)FLT_EPSILON" : "DBL_EPSILON", fragment);
+    size_t largest = source->further_size;
+    export_test_begin(source, (size_t)source->options->golden, to);
     for (size_t i = 0; i < j->c->functions; i++) add_function(j, i, &table, &largest);
-    lg_text_add(to,
-                "%s\nstatic const function functions[] = {\n%s%s    {NULL, NULL, NULL, NULL, 0, 0, 0, 0, "
-                "NULL}};\nenum { LARGEST = %zu };\n\n%s\n",
-                source->further_test.data != NULL ? source->further_test.data : "",
-                table.data != NULL ? table.data : "",
-                source->further_row.data != NULL ? source->further_row.data : "", largest,
-                export_fragment_text("test_norms"));
-    *rest = 's';
-    lg_text_add_named(to, source->options->name, rest);
+    lg_text_add(to, "%s", source->further_test.data != NULL ? source->further_test.data : "");
+    lg_text_add(&table, "%s", source->further_row.data != NULL ? source->further_row.data : "");
+    export_test_end(source, &table, largest, to);
     lg_text_destroy(&table);
 }
 

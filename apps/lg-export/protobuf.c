@@ -1,4 +1,4 @@
-#include "lg-export/protobuf.h"
+#include "lg-export/onnx.h"
 
 #include <string.h>
 

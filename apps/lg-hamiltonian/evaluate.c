@@ -29,7 +29,7 @@ static evaluate_values values;
 static void report(const app *self, const lg_trajectories *test, const verdict *result, bool recorded,
                    double seconds) {
     app_json *out = self->out;
-    APP_PUT(out, APP_REAL("E1", result->e1, "mean squared error of the learned flow"),
+    APP_PUT(out, APP_REAL("E1", result->e1, "mean squared error of the learned flow, starts included"),
             APP_REAL("E2", result->e2,
                      test->hamiltonian == NULL
                          ? "the file of the test trajectories has no /hamiltonian"

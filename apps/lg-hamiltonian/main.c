@@ -57,7 +57,7 @@ APP_PROGRAM(lg_hamiltonian) {
     lg_text_add(
         &text, "Learns the Hamiltonian of a mechanical system from sampled trajectories. The system's family "
                "says what is learned, and the integrator of exported steps, with which training steps too "
-               "(separable systems by default with rk4):\n");
+               "(by default separable systems with rk4, chains of 3 links or more with rkmk5):\n");
     for (size_t i = 0; i < lg_hamiltonian_family_count(); i++) {
         const lg_hamiltonian_family *family = lg_hamiltonian_family_at(i);
         lg_text_add(&text, "\n  %-12s %s (%s)", family->name, family->formula, family->scheme);

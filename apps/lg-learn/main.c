@@ -34,17 +34,18 @@ static void add(app_settings *settings, const lg_field *rows, void *values, size
     if (rows != NULL) *settings = (app_settings){rows, values, size};
 }
 
-/* Finds the recipe named after --recipe. It must be known before the other options are parsed, because it
- * determines which options exist. */
+/* Finds the recipe that the last --recipe names, which may be abbreviated. It must be known before the other
+ * options are parsed, because it determines which options exist. */
 static const lg_recipe *find_recipe(int argc, char **argv) {
-    static const char option[] = "--recipe";
-    const size_t length = sizeof option - 1;
-    for (int i = 1; i < argc; i++) {
-        if (strncmp(argv[i], option, length) != 0) continue;
-        const char *name = argv[i][length] == '=' ? argv[i] + length + 1 : i + 1 < argc ? argv[i + 1] : "";
-        return lg_recipe_find(name);
+    const lg_recipe *found = NULL;
+    for (int i = 1; i < argc && strcmp(argv[i], "--") != 0; i++) {
+        const size_t length = strcspn(argv[i], "=");
+        if (length <= strlen("--") || strncmp(argv[i], "--recipe", length) != 0) continue;
+        found = lg_recipe_find(argv[i][length] == '=' ? argv[i] + length + 1
+                               : i + 1 < argc         ? argv[i + 1]
+                                                      : "");
     }
-    return NULL;
+    return found;
 }
 
 static void choose_recipe(const lg_recipe *chosen) {
@@ -127,11 +128,20 @@ static void follow(const app *self, const lg_model *model, double *start, app_js
             APP_WHOLE("steps", stats.steps, NULL));
 }
 
-static void calculate(const lg_model *model, const double *x, app_json *out) {
-    APP_FREE double *y = app_alloc(lg_model_outputs(model), sizeof *y);
-    APP_FREE void *work = app_alloc(1, lg_model_work_size(model));
-    lg_model_eval(model, x, y, work);
-    app_result_put(out, APP_REALS("value", y, lg_model_outputs(model), NULL));
+/* Prints the first output of a function of --initial alone, if the program has it. `label`: NULL for the
+ * output's name. */
+static void calculate(const app *self, const lg_program *program, const char *name, const char *label) {
+    const double *x = flow_given.initial.values;
+    size_t function, count;
+    if (lg_program_find(program, name, &function, NULL) != LG_OK) return;
+    const lg_port *port = lg_program_inputs(program, function, &count);
+    if (count != 1 || lg_shape_count(port->shape) != flow_given.initial.count) return;
+    port = lg_program_outputs(program, function, &count);
+    const size_t numbers = lg_shape_count(port->shape);
+    APP_FREE double **y = app_alloc(count, sizeof *y);
+    APP_FREE double *first = y[0] = app_alloc(numbers, sizeof *first);
+    APP_DO(self, lg_program_eval, program, name, 1, &x, y);
+    app_result_put(self->out, APP_REALS(name, first, numbers, label != NULL ? label : port->name));
 }
 
 /* Refuses options of a flow, which a model that does not move would ignore. */
@@ -151,9 +161,17 @@ static void run_predict(app *self) {
         app_stop_usage(self, "--initial: %zu numbers are given, but the model takes %zu",
                        flow_given.initial.count, lg_model_inputs(file.model));
     if (lg_model_space(file.model) == NULL) refuse_flow(self);
-    app_json *out = self->out;
-    if (lg_model_outputs(file.model) > 0) calculate(file.model, flow_given.initial.values, out);
-    if (lg_model_space(file.model) != NULL) follow(self, file.model, flow_given.initial.values, out);
+    double *x = flow_given.initial.values;
+    if (file.recipe != NULL && file.recipe->trainer->inspect != NULL)
+        APP_DO(self, file.recipe->trainer->inspect, file.contents, x);
+    const lg_program *program = lg_model_program(file.model);
+    size_t chances;
+    const bool logits = lg_program_find(program, "probability", &chances, NULL) == LG_OK;
+    const bool energy = file.recipe != NULL && lg_model_space(file.model) != NULL;
+    calculate(self, program, "value", logits ? "logits" : energy ? "energy" : NULL);
+    calculate(self, program, "probability", "of the classes");
+    calculate(self, program, "velocities", "of the start, which has momenta; no input acts");
+    if (lg_model_space(file.model) != NULL) follow(self, file.model, x, self->out);
 }
 
 /* ---- list ---- */
@@ -184,7 +202,9 @@ APP_PROGRAM(lg_learn) {
         {.name = "predict",
          .arguments = "MODEL.h5",
          .summary = "Value of a model, and its trajectory if it has a flow",
-         .details = "A model without a flow takes its inputs as --initial.",
+         .details = "A model without a flow takes its inputs as --initial. The state of a machine has "
+                    "momenta, and no input acts on it; `lg-identify predict` takes positions, velocities and "
+                    "inputs of a log.",
          .settings = APP_SETTINGS(FLOW, APP_GIVEN(predict_options, app_common_given)),
          .run = run_predict},
         {.name = "list", .summary = "List the recipes", .run = run_list},

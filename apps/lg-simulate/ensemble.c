@@ -1,12 +1,13 @@
 #include "common/train.h"
 #include "lg-simulate/ensemble.h"
+#include "mechanics/system.h"
 
 #include <errno.h>
 #include <math.h>
 #include <stdatomic.h>
 #include <string.h>
 
-enum { POINTS = 51, BINS = 256, PILOT = 256 };
+enum { POINTS = 51, BINS = 256, PILOT = 256, LOOKED_AT = 8 };
 
 /* ---- what a thread collects ---- */
 
@@ -16,6 +17,8 @@ typedef struct gatherer {
     double *row;               /* (points, reported): the trajectory of a member */
     double *state, *work;
     lg_system *system; /* has the member's parameters; NULL if parameters do not vary */
+    simulation sim;    /* of this system */
+    watch seen;        /* of the member */
 } gatherer;
 
 typedef struct study {
@@ -52,17 +55,43 @@ static void name_columns(study *all) {
  * cell's numbers of all members of a block. */
 typedef void (*cell_visitor)(void *user, size_t row, size_t column, const double *values, size_t count);
 
+/* Gives the gatherer the parameters of a member of a block. */
+static void set_member(gatherer *own, const lg_ensemble_block *of, size_t m) {
+    double *parameters = own->row; /* scratch memory, which is long enough */
+    if (own->system == NULL) return;
+    for (size_t i = 0; i < of->parameter_count; i++) parameters[i] = of->parameter[i * of->room + m];
+    (void)lg_system_set_parameters(own->system, parameters);
+}
+
+/* Member m of numbers (dim, room). */
+static const double *state_of(gatherer *own, const lg_ensemble_block *of, const double *numbers, size_t m) {
+    for (size_t c = 0; c < of->dim; c++) own->state[c] = numbers[c * of->room + m];
+    return own->state;
+}
+
 /* Computes the invariants of all members of a block at this row. */
 static void fill_invariants(const study *all, gatherer *own, const lg_ensemble_block *of, size_t row) {
-    const lg_system *system = own->system != NULL ? own->system : all->sim->system;
-    double *parameters = own->row; /* scratch memory, which is long enough */
     for (size_t m = 0; m < of->members; m++) {
-        for (size_t c = 0; c < of->dim; c++) own->state[c] = of->states[(row * of->dim + c) * of->room + m];
-        for (size_t i = 0; own->system != NULL && i < of->parameter_count; i++)
-            parameters[i] = of->parameter[i * of->room + m];
-        if (own->system != NULL) (void)lg_system_set_parameters(own->system, parameters);
+        const double *state = state_of(own, of, of->states + row * of->dim * of->room, m);
+        set_member(own, of, m);
         for (size_t i = 0; i < all->invariants; i++)
-            own->invariant[i * of->room + m] = lg_system_invariant(system, i, own->state, own->work);
+            own->invariant[i * of->room + m] = lg_system_invariant(own->sim.system, i, state, own->work);
+    }
+}
+
+/* Counts members that leave the manifold, and members whose energy changes: looks at the end of each member
+ * and at some of the rows before it. */
+static void watch_block(const study *all, gatherer *own, const lg_ensemble_block *of) {
+    const size_t stride = 1 + (of->count - 1) / LOOKED_AT;
+    for (size_t m = 0; m < of->members; m++) {
+        if (of->member[m].status != LG_OK) continue;
+        set_member(own, of, m);
+        watch_again(&own->seen, state_of(own, of, of->start, m));
+        for (size_t back = 1; back <= of->count; back += stride)
+            (void)watch_step(&own->seen, 0, 0,
+                             state_of(own, of, of->states + (of->count - back) * of->dim * of->room, m));
+        own->part.left += watch_left_manifold(&own->seen);
+        own->part.lost += watch_lost_energy(&own->seen, all->options.scheme);
     }
 }
 
@@ -125,6 +154,7 @@ static lg_status keep_block(void *user, const lg_ensemble_block *of) {
     gatherer *own = &all->gatherers[of->thread];
     result *part = &own->part;
     visit_cells(all, own, of, add_cell, part->states);
+    watch_block(all, own, of);
     for (size_t e = 0; e < of->event_count; e++)
         lg_statistics_add(part->times, 0, e, of->events + e * of->room, of->members);
     for (size_t m = 0; m < of->members; m++) {
@@ -194,20 +224,27 @@ static void choose_times(study *all) {
     all->options.count = all->total->points = path.count - path.first;
 }
 
+/* Draws the start and, behind it, the parameters of a member. */
+static void draw(const study *all, uint64_t member, double *y0) {
+    const simulation *sim = all->sim;
+    double *parameters = y0 + sim->dim;
+    memset(y0, 0, sim->dim * sizeof *y0);
+    if (sim->scene.state != NULL) memcpy(y0, sim->scene.state, sim->dim * sizeof *y0);
+    memcpy(parameters, lg_system_parameter_values(sim->system),
+           lg_system_parameter_count(sim->system) * sizeof *parameters);
+    (void)vary_draw(all->varied, member, y0, parameters);
+}
+
 /* Adds the starts and parameters of up to 64 members to the hash, because they depend not only on the text
  * but also on tables and the scene. */
 static void add_members(const study *all, lg_sha256 *state) {
-    enum { LOOKED_AT = 64 };
+    enum { MEMBERS = 64 };
     const simulation *sim = all->sim;
     const size_t dim = sim->dim, count = lg_system_parameter_count(sim->system);
-    const uint64_t total = all->total->total, step = total > LOOKED_AT ? total / LOOKED_AT : 1;
+    const uint64_t total = all->total->total, step = total > MEMBERS ? total / MEMBERS : 1;
     APP_FREE double *y0 = app_alloc(dim + count, sizeof *y0);
-    double *parameters = y0 + dim;
-    for (uint64_t i = 0; i < LOOKED_AT && i * step < total; i++) {
-        memset(y0, 0, dim * sizeof *y0);
-        if (sim->scene.state != NULL) memcpy(y0, sim->scene.state, dim * sizeof *y0);
-        memcpy(parameters, lg_system_parameter_values(sim->system), count * sizeof *parameters);
-        (void)vary_draw(all->varied, i * step, y0, parameters);
+    for (uint64_t i = 0; i < MEMBERS && i * step < total; i++) {
+        draw(all, i * step, y0);
         lg_sha256_add(state, y0, (dim + count) * sizeof *y0);
     }
 }
@@ -264,6 +301,9 @@ static void open_gatherers(study *all) {
         if (all->options.varied &&
             lg_system_copy(all->sim->self->context, all->sim->system, &own->system) != LG_OK)
             app_out_of_memory();
+        own->sim = *all->sim;
+        if (own->system != NULL) own->sim.system = own->system;
+        watch_begin(&own->seen, &own->sim, false, false, own->state);
     }
 }
 
@@ -345,6 +385,28 @@ static lg_status close_rows(study *all, lg_error *error) {
     if (all->rows == NULL) return LG_OK;
     if (code == 0) return lg_rows_file_commit(all->rows, error);
     return lg_fail(error, LG_FILE, "%s: cannot be written: %s", all->files->trajectories, strerror(code));
+}
+
+/* Says how many members have wrong results, and what is wrong with the first that was not allowed. */
+static void warn_of_members(const study *all) {
+    const simulation *sim = all->sim;
+    const app *self = sim->self;
+    const result *what = all->total;
+    size_t at = 0;
+    if (what->left + what->lost > 0)
+        app_warn(self,
+                 "of %llu members %llu leave the manifold, and %llu change their energy, which is constant: "
+                 "their results are far from the solution; give more --steps or a smaller --tolerance, or "
+                 "cf4, which stays on the manifold",
+                 (unsigned long long)what->members, (unsigned long long)what->left,
+                 (unsigned long long)what->lost);
+    while (at < what->listed && what->who[at][1] != LG_INVALID_ARGUMENT) at++;
+    if (at == what->listed) return;
+    lg_error error = {LG_OK, "its start is not finite or not on the manifold"};
+    APP_FREE double *y0 = app_alloc(sim->dim + lg_system_parameter_count(sim->system), sizeof *y0);
+    draw(all, what->who[at][0], y0);
+    (void)lg_system_check_parameters(sim->system, y0 + sim->dim, &error);
+    app_warn(self, "member %llu is not allowed: %s", (unsigned long long)what->who[at][0], error.message);
 }
 
 /* Runs the ensemble. A failure ends the command, and thereby all ranks. */
@@ -471,6 +533,7 @@ void ensemble(simulation *sim, const ensemble_files *files) {
             "all members are the same, because nothing varies; give --vary, --members or the key `ensemble`");
     total.what = describe(&all, text);
     run_or_stop(&all, &stats);
+    warn_of_members(&all);
     write_out(&all);
     if (sim->self->ranks != NULL)
         merge_ranks(&all);

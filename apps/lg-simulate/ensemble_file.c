@@ -50,6 +50,8 @@ lg_status result_merge(result *into, const result *from, lg_error *error) {
     into->members += from->members;
     into->steps += from->steps;
     into->rejected += from->rejected;
+    into->left += from->left;
+    into->lost += from->lost;
     for (size_t i = 0; i < STATUSES; i++) into->failed[i] += from->failed[i];
     for (size_t i = 0; i < from->listed; i++)
         result_list(into, from->who[i][0], from->who[i][1], from->when[i]);

@@ -136,7 +136,13 @@ typedef struct watch {
 } watch;
 
 void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded, const double *y0);
+/* Begins another run, from y0. What was traced and recorded stays. */
+void watch_again(watch *self, const double *y0);
 lg_status watch_step(void *self, double t, double h, const double *y);
+/* Whether the energy has changed more than its largest kinetic part allows; whether a constraint is
+ * violated. */
+bool watch_lost_energy(const watch *self, const lg_scheme *scheme);
+bool watch_left_manifold(const watch *self);
 /* Warns if the steps are too long: a rotation by more than pi in a step, or a change of the energy. */
 void watch_warn(const watch *self, const plan *how, const outcome *run);
 

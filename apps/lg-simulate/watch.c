@@ -85,10 +85,18 @@ void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded,
     self->drift = app_keep(self->invariants, sizeof *self->drift);
     self->trace = (trace){.width = 3 + self->invariants, .stride = 1};
     if (traced) self->trace.rows = app_keep((TRACE_MAX + 1) * self->trace.width, sizeof *self->trace.rows);
-    for (size_t i = 0; i < self->invariants; i++) self->start[i] = self->end[i] = invariant(self, i, y0);
-    self->manifold = lg_space_manifold_error(lg_system_space(sim->system), y0);
     self->rest = app_keep(sim->dim, sizeof *self->rest);
     self->energetic = self->invariants > 0 && strcmp(lg_system_invariant_name(sim->system, 0), "energy") == 0;
+    watch_again(self, y0);
+}
+
+void watch_again(watch *self, const double *y0) {
+    for (size_t i = 0; i < self->invariants; i++) {
+        self->start[i] = self->end[i] = invariant(self, i, y0);
+        self->drift[i] = 0;
+    }
+    self->manifold = lg_space_manifold_error(lg_system_space(self->sim->system), y0);
+    self->kinetic = 0;
     if (self->energetic) look_at_kinetic(self, y0);
 }
 
@@ -135,22 +143,30 @@ lg_status watch_step(void *user, double t, double h, const double *y) {
 /* Constraints are of size 1: |q|^2 = 1, R^T R = 1. */
 #define MANIFOLD_TOLD 0.01
 
+bool watch_lost_energy(const watch *self, const lg_scheme *scheme) {
+    const double told = scheme->order > 1 ? ENERGY_TOLD : 1;
+    return self->energetic &&
+           !(self->drift[0] <= fmax(told * self->kinetic, ENERGY_ROUNDING * fabs(self->start[0])));
+}
+
+bool watch_left_manifold(const watch *self) {
+    return self->manifold > MANIFOLD_TOLD;
+}
+
 void watch_warn(const watch *self, const plan *how, const outcome *run) {
-    const double turn = run->stats.max_angle, told = how->scheme->order > 1 ? ENERGY_TOLD : 1;
-    const double drift = self->energetic ? self->drift[0] : 0;
-    const bool rounding = drift <= ENERGY_ROUNDING * fabs(self->energetic ? self->start[0] : 0);
+    const double turn = run->stats.max_angle;
     if (turn > 3.14159265358979323846)
         app_warn(self->sim->self,
                  "a step turns a body by %.3g rad, which is more than pi: the steps are too long for '%s'; "
                  "give more --steps",
                  turn, how->scheme->name);
     const char *remedy = how->control.steps > 0 ? "more --steps" : "a smaller --tolerance";
-    if (drift > told * self->kinetic && !rounding)
+    if (watch_lost_energy(self, how->scheme))
         app_warn(self->sim->self,
                  "the energy, which is constant, changes by %.3g; the largest kinetic energy is %.3g: the "
                  "result is far from the solution; give %s",
-                 drift, self->kinetic, remedy);
-    if (self->manifold > MANIFOLD_TOLD)
+                 self->drift[0], self->kinetic, remedy);
+    if (watch_left_manifold(self))
         app_warn(self->sim->self,
                  "the state leaves the manifold: a constraint is violated by %.3g: give %s, or a method that "
                  "stays on it, such as cf4",

@@ -358,9 +358,9 @@ LG_API lg_status lg_hamiltonian_weigh(lg_hamiltonian_problem *problem, lg_error 
 LG_API void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_problem *out);
 
 /* Writes the mean squared difference of predicted and given points over all trajectories, in the units of
- * the data, with the ambient distance, without weights and penalty, in double precision. `theta` has the
- * fit's parameters. *out is not finite where a prediction is not. Errors: those of
- * lg_hamiltonian_problem_check and of the integrator. */
+ * the data, with the ambient distance, without weights and penalty, in double precision. A measured start
+ * does not count. `theta` has the fit's parameters. *out is not finite where a prediction is not. Errors:
+ * those of lg_hamiltonian_problem_check and of the integrator. */
 LG_API lg_status lg_hamiltonian_mean_squared_error(const lg_context *context,
                                                    const lg_hamiltonian_problem *problem, const double *theta,
                                                    double *out, lg_error *error);

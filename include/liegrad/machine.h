@@ -174,9 +174,11 @@ typedef struct lg_machine_term {
     /* Friction near rest: the velocity w in f tanh(v/w), in the units of the log. 0: the friction sticks
      * (lg_machine.sticks); in machines with other coordinates than lines and angles, lg_machine_width. */
     double width;
-    uint32_t value_count;             /* Values are in the units of the log. */
-    double values[LG_MACHINE_VALUES]; /* Matrices are row-major; mass and damping may also be a diagonal. */
-    uint32_t entry_count;             /* How many of the values are unknown. */
+    uint32_t value_count; /* Values are in the units of the log. */
+    /* Matrices are row-major; mass and damping may also be a diagonal. The mass of a direction is one number
+     * of the diagonal, or three equal numbers without couplings. */
+    double values[LG_MACHINE_VALUES];
+    uint32_t entry_count; /* How many of the values are unknown. */
     lg_machine_entry entries[LG_MACHINE_ENTRIES];
     /* The members below are filled by lg_machine_init. */
     lg_mlp net;
@@ -471,8 +473,8 @@ LG_API lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_
 LG_API size_t lg_machine_problem_parameters(const lg_machine_problem *problem);
 LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out);
 /* Writes the loss over all windows except the validation part. `theta` has the parameters of the fit.
- * `floor` (may be NULL) becomes the part of the loss that comes from the integrator's own error. Errors:
- * those of lg_machine_problem_check and of the tape. */
+ * `floor` (may be NULL) becomes the loss that the integrator's own error would make alone; a fit can hide a
+ * part of this error in its numbers and starts. Errors: those of lg_machine_problem_check and of the tape. */
 LG_API lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem,
                                  const double *theta, double *loss, double *floor, lg_error *error);
 

@@ -146,6 +146,19 @@ lg_var lg_policy_filled(lg_tape *tape, lg_var x, uint32_t n, double value);
 
 /* ---- functions of the program (policy_program.c) ---- */
 
+/* Begins the recording (lg_record_function) of a function of the policy p. The body sets `out`. The recording
+ * fails if an operation of the tape has failed. */
+#define LG_POLICY_RECORDING(function)                                                                        \
+    static void function##_of(const lg_policy *p, lg_tape *tape, const lg_var *theta, const lg_var *in,      \
+                              lg_var *out);                                                                  \
+    static lg_status function(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,              \
+                              lg_var *out) {                                                                 \
+        function##_of(user, tape, theta, in, out);                                                           \
+        return lg_tape_status(tape);                                                                         \
+    }                                                                                                        \
+    static void function##_of(const lg_policy *p, lg_tape *tape, const lg_var *theta, const lg_var *in,      \
+                              lg_var *out)
+
 /* Makes a program with the plant's functions, retract (z) -> x, and the plant's parameters. A further
  * parameter `policy` (zeros) is added if the policy has parameters. */
 lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error);

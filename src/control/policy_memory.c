@@ -103,9 +103,7 @@ const char *lg_policy_plant_name(const lg_policy *p, const char *function) {
 
 /* The positions of the plant, with the lagged inputs that the controller computes, then the memory that it
  * sees. */
-static lg_status record_positions(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                  lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_positions) {
     const lg_policy_memory *m = &p->memory;
     const lg_var plant = lg_policy_plant_part(tape, p, in[0]);
     lg_var parts[LG_POLICY_INPUTS + 3];
@@ -119,25 +117,20 @@ static lg_status record_positions(void *user, lg_tape *tape, const lg_var *theta
         if (m->known[l] > 0) parts[n++] = lg_columns(tape, in[0], line_at(p, l), m->known[l]);
     if (m->integrals > 0) parts[n++] = lg_columns(tape, in[0], m->plant + m->lines, m->integrals);
     out[0] = lg_joined(tape, parts, n);
-    return lg_tape_status(tape);
 }
 
 /* The same function of the plant's part */
 #define OF_PLANT(function, name)                                                                             \
-    static lg_status function(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,              \
-                              lg_var *out) {                                                                 \
-        const lg_var plant = lg_policy_plant_part(tape, user, in[0]);                                        \
+    LG_POLICY_RECORDING(function) {                                                                          \
+        const lg_var plant = lg_policy_plant_part(tape, p, in[0]);                                           \
         out[0] = lg_program_call(tape, name, 0, &plant);                                                     \
-        return lg_tape_status(tape);                                                                         \
     }
 OF_PLANT(record_velocities, "plant_velocities")
 OF_PLANT(record_value, "plant_value")
 #undef OF_PLANT
 
 /* Past inputs that the controller does not see begin as the inputs that hold the goal. */
-static lg_status record_momenta(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_momenta) {
     const lg_policy_memory *m = &p->memory;
     const lg_var q = lg_columns(tape, in[0], 0, m->positions);
     lg_var parts[2 * LG_POLICY_INPUTS + 3];
@@ -151,17 +144,14 @@ static lg_status record_momenta(void *user, lg_tape *tape, const lg_var *theta, 
     if (m->integrals > 0) parts[n++] = lg_columns(tape, in[0], at, m->integrals);
     if (m->believed > 0) parts[n++] = lg_columns(tape, q, m->positions - m->lags, m->lags);
     out[0] = lg_joined(tape, parts, n);
-    return lg_tape_status(tape);
 }
 
 /* A step within a period: the memory stays. */
-static lg_status record_step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_step) {
     const lg_var plant = lg_policy_plant_part(tape, p, in[0]);
     const lg_var parts[2] = {lg_program_call(tape, "plant_step", 0, (const lg_var[]){plant, in[1], in[2]}),
                              lg_columns(tape, in[0], p->memory.plant, p->memory.count)};
     out[0] = lg_concat(tape, parts, 2, 1);
-    return lg_tape_status(tape);
 }
 
 lg_status lg_policy_add_memory(lg_policy *p, lg_error *error) {
@@ -328,9 +318,7 @@ lg_var lg_policy_record_period(lg_tape *tape, const lg_policy *p, lg_var x, lg_v
 /* ---- the memory for the caller of `control` ---- */
 
 /* The state's memory from what `control` takes: past inputs and integrals as the controller sees them. */
-static lg_status record_remember(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                 lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_remember) {
     const lg_policy_memory *m = &p->memory;
     const uint32_t given = p->layout.given, behind = m->lines + m->integrals;
     lg_var parts[2 * LG_POLICY_INPUTS + 3];
@@ -350,12 +338,10 @@ static lg_status record_remember(void *user, lg_tape *tape, const lg_var *theta,
                                      lg_policy_record_errors(tape, p, false, seen), in[1]);
     }
     out[0] = lg_joined(tape, parts, n);
-    return lg_tape_status(tape);
 }
 
 /* The lagged inputs and past inputs that hold the goal; integrals of 0. */
-static lg_status record_reset(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_reset) {
     double first[LG_POLICY_COORDINATES];
     uint32_t n = 0;
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
@@ -363,7 +349,6 @@ static lg_status record_reset(void *user, lg_tape *tape, const lg_var *theta, co
         if (c->follows > 0 || c->integrates > 0) first[n++] = c->goal[0];
     }
     out[0] = lg_add(tape, lg_policy_filled(tape, in[0], n, 0.0), lg_input_f64(tape, lg_shape2(1, n), first));
-    return lg_tape_status(tape);
 }
 
 lg_status lg_policy_add_remember(lg_policy *p, lg_error *error) {

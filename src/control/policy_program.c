@@ -46,41 +46,28 @@ static lg_policy_seen seen_of(const lg_policy *p, lg_tape *tape, lg_var x) {
                             lg_program_call(tape, "velocities", 0, &x)};
 }
 
-static lg_status record_period(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                               lg_var *out) {
-    out[0] = lg_policy_record_period(tape, user, in[0], in[1], LG_NONE, LG_NONE);
-    return lg_tape_status(tape);
+LG_POLICY_RECORDING(record_period) {
+    out[0] = lg_policy_record_period(tape, p, in[0], in[1], LG_NONE, LG_NONE);
 }
 
-static lg_status record_errors(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                               lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_errors) {
     out[0] = lg_policy_record_errors(tape, p, false, seen_of(p, tape, in[0]));
-    return lg_tape_status(tape);
 }
 
-static lg_status record_retract(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_retract) {
     const lg_policy_seen at = lg_policy_record_place(tape, p, in[0]);
     out[0] = moves(p) ? lg_program_call(tape, "momenta", 0, (const lg_var[]){at.q, at.v}) : at.q;
-    return lg_tape_status(tape);
 }
 
-static lg_status record_linear(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                               lg_var *out) {
+LG_POLICY_RECORDING(record_linear) {
     const lg_var x = lg_program_call(tape, "retract", 0, in),
                  next = lg_program_call(tape, "period", 0, (const lg_var[]){x, in[1]});
     out[0] = lg_program_call(tape, "errors", 0, &next);
-    return lg_tape_status(tape);
 }
 
-static lg_status record_lagged(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                               lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_lagged) {
     out[0] = lg_program_call(
         tape, "lag", 0, (const lg_var[]){in[0], in[1], lg_policy_filled(tape, in[0], 1, p->task.period)});
-    return lg_tape_status(tape);
 }
 
 /* u in its limits: min(max(u, low), high). */
@@ -185,13 +172,10 @@ typedef lg_var (*record_kind)(lg_tape *tape, const lg_policy *p, lg_policy_seen 
 static const record_kind kinds[LG_POLICY_KIND_COUNT] = {record_lqr, record_network, record_energy};
 
 /* Inputs: q, v if the machine moves, then the weights if there are any. */
-static lg_status record_policy(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                               lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_policy) {
     const lg_policy_seen seen = {in[0], moves(p) ? in[1] : LG_NONE};
     const lg_var z = lg_policy_record_errors(tape, p, p->task.kind == LG_POLICY_ENERGY, seen);
     out[0] = kinds[p->task.kind](tape, p, seen, z, p->parameters > 0 ? in[moves(p) ? 2 : 1] : LG_NONE);
-    return lg_tape_status(tape);
 }
 
 static lg_var call_policy(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var weights) {
@@ -202,16 +186,13 @@ static lg_var call_policy(lg_tape *tape, const lg_policy *p, lg_policy_seen seen
     return lg_program_call(tape, "policy", 0, in);
 }
 
-static lg_status record_control(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_control) {
     const lg_policy_layout *l = &p->layout;
     lg_policy_seen seen = {lg_policy_record_positions(tape, p, lg_slice(tape, in[0], 1, 0, l->given)),
                            LG_NONE};
     if (moves(p)) seen.v = lg_slice(tape, in[0], 1, l->given, l->velocities);
     out[0] = call_policy(tape, p, seen,
                          p->parameters > 0 ? theta[lg_program_parameters(p->program) - 1] : LG_NONE);
-    return lg_tape_status(tape);
 }
 
 /* Moves the tracked numbers of (B, given + velocities) so that the set points become the goal. */
@@ -232,10 +213,9 @@ static lg_var relative(lg_tape *tape, const lg_policy *p, lg_var x, lg_var refer
     return lg_add(tape, lg_sub(tape, x, shift), row_of(tape, goal, n));
 }
 
-static lg_status record_track(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const lg_var x = relative(tape, user, in[0], in[1]);
+LG_POLICY_RECORDING(record_track) {
+    const lg_var x = relative(tape, p, in[0], in[1]);
     out[0] = lg_program_call(tape, "control", 0, &x);
-    return lg_tape_status(tape);
 }
 
 /* h (stage + sum_l w_l (u_l - u0_l)^2) */
@@ -249,17 +229,14 @@ static lg_var record_cost(lg_tape *tape, const lg_policy *p, lg_policy_seen seen
 }
 
 /* Outputs of a period under u: next, cost, u. */
-static lg_status close_loop(lg_tape *tape, const lg_policy *p, lg_var x, lg_policy_seen seen, lg_var u,
-                            lg_var *out) {
+static void close_loop(lg_tape *tape, const lg_policy *p, lg_var x, lg_policy_seen seen, lg_var u,
+                       lg_var *out) {
     out[0] = lg_program_call(tape, "period", 0, (const lg_var[]){x, u});
     out[1] = record_cost(tape, p, seen, u);
     out[2] = u;
-    return lg_tape_status(tape);
 }
 
-static lg_status record_planned(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_planned) {
     const uint32_t m = p->inputs;
     const lg_policy_seen seen = seen_of(p, tape, in[0]);
     double half[LG_POLICY_INPUTS];
@@ -275,21 +252,16 @@ static lg_status record_planned(void *user, lg_tape *tape, const lg_var *theta, 
                  back = lg_add(tape, lg_mul(tape, own, by[0]), lg_mul(tape, held, by[1])),
                  r = lg_add(tape, lg_mul(tape, in[1], size), back), within = saturated(tape, p, r),
                  over = lg_sub(tape, r, within), parts = lg_div(tape, over, size);
-    LG_TRY(close_loop(tape, p, in[0], seen, lg_add(tape, within, lg_mul(tape, over, by[LG_POLICY_BEYOND])),
-                      out));
+    close_loop(tape, p, in[0], seen, lg_add(tape, within, lg_mul(tape, over, by[LG_POLICY_BEYOND])), out);
     out[1] = lg_add(tape, out[1], lg_mul(tape, lg_rowdot(tape, parts, parts), by[LG_POLICY_PENALTY]));
-    return lg_tape_status(tape);
 }
 
-static lg_status record_terminal(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                 lg_var *out) {
+LG_POLICY_RECORDING(record_terminal) {
     static const double end = 13.0; /* V_end/c */
-    const lg_policy *p = user;
     const lg_policy_seen seen = seen_of(p, tape, in[0]);
     const lg_var z = lg_policy_record_errors(tape, p, false, seen);
     const lg_var from = lg_add_scalar(tape, lg_scale(tape, level_of(tape, p, seen, z), 1.0 / end), 1.0);
     out[0] = lg_scale(tape, lg_log(tape, from), p->terminal);
-    return lg_tape_status(tape);
 }
 
 /* ---- disturbed runs: the state is x, then the inputs before the oldest ones in x ---- */
@@ -301,8 +273,7 @@ static lg_var plant_state(lg_tape *tape, const lg_policy *p, lg_var s) {
 
 /* Outputs of a period in which the controller asks for u: it acts as the plant delays it, or a period later
  * still. */
-static lg_status close_late_loop(lg_tape *tape, const lg_policy *p, lg_var s, lg_var u, lg_var late,
-                                 lg_var *out) {
+static void close_late_loop(lg_tape *tape, const lg_policy *p, lg_var s, lg_var u, lg_var late, lg_var *out) {
     const lg_var x = plant_state(tape, p, s), dropped = lg_slice(tape, s, 1, p->state, p->inputs);
     const lg_var next[] = {lg_policy_record_period(tape, p, x, u, dropped, late),
                            lg_policy_record_dropped(tape, p, x, u)};
@@ -311,7 +282,6 @@ static lg_status close_late_loop(lg_tape *tape, const lg_policy *p, lg_var s, lg
     out[0] = lg_concat(tape, next, 2, 1);
     out[1] = record_cost(tape, p, seen_of(p, tape, x), u);
     out[2] = u;
-    return lg_tape_status(tape);
 }
 
 /* What noisy sensors see. */
@@ -321,19 +291,20 @@ static lg_policy_seen sense(lg_tape *tape, const lg_policy *p, lg_var s, lg_var 
 
 /* A period of runs of the policy or of the saturated regulator of the gain in[1]. Inputs: the state, the
  * weights if there are any, or the gain, and of disturbed runs noise and late. */
-static lg_status run_period(lg_tape *tape, const lg_policy *p, bool disturbed, bool regulated,
-                            const lg_var *in, lg_var *out) {
+static void run_period(lg_tape *tape, const lg_policy *p, bool disturbed, bool regulated, const lg_var *in,
+                       lg_var *out) {
     const size_t own = regulated || p->parameters > 0 ? 1 : 0;
     const lg_policy_seen seen = disturbed ? sense(tape, p, in[0], in[1 + own]) : seen_of(p, tape, in[0]);
     const lg_var u = regulated ? feedback(tape, p, lg_policy_record_errors(tape, p, false, seen), in[1])
                                : call_policy(tape, p, seen, own > 0 ? in[1] : LG_NONE);
-    return disturbed ? close_late_loop(tape, p, in[0], u, in[2 + own], out)
-                     : close_loop(tape, p, in[0], seen, u, out);
+    if (disturbed)
+        close_late_loop(tape, p, in[0], u, in[2 + own], out);
+    else
+        close_loop(tape, p, in[0], seen, u, out);
 }
 #define RUN(function, disturbed, regulated)                                                                  \
-    static lg_status function(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,              \
-                              lg_var *out) {                                                                 \
-        return run_period(tape, user, disturbed, regulated, in, out);                                        \
+    LG_POLICY_RECORDING(function) {                                                                          \
+        run_period(tape, p, disturbed, regulated, in, out);                                                  \
     }
 RUN(record_closed, false, false)
 RUN(record_regulated, false, true)
@@ -341,12 +312,9 @@ RUN(record_disturbed, true, false)
 RUN(record_disturbed_regulator, true, true)
 #undef RUN
 
-static lg_status record_disturbed_end(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                      lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_disturbed_end) {
     const lg_var x = plant_state(tape, p, in[0]);
     out[0] = lg_program_call(tape, "terminal", 0, &x);
-    return lg_tape_status(tape);
 }
 
 /* ---- adding them ---- */

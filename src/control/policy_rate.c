@@ -63,9 +63,8 @@ static lg_var acting_at(const lg_policy *p, lg_tape *tape, const lg_var *theta, 
     return lg_policy_record_acting(tape, p, at.x, (lg_policy_seen){at.q, at.v}, u);
 }
 
-static lg_status record_input(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    out[0] = acting_at(user, tape, theta, in[0], LG_NONE);
-    return lg_tape_status(tape);
+LG_POLICY_RECORDING(record_input) {
+    out[0] = acting_at(p, tape, theta, in[0], LG_NONE);
 }
 
 static lg_status record_rate_by_input(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
@@ -90,9 +89,7 @@ static lg_status record_rate_by_input(void *user, lg_tape *tape, const lg_var *t
 }
 
 /* z after a period in which `acting` is held, by the classical Runge-Kutta method. */
-static lg_status record_advance_by_input(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
-                                         lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_advance_by_input) {
     const double h = p->task.period / p->task.substeps, to[4] = {0, 0.5 * h, 0.5 * h, h},
                  weight[4] = {h / 6, h / 3, h / 3, h / 6};
     out[0] = in[0];
@@ -105,16 +102,13 @@ static lg_status record_advance_by_input(void *user, lg_tape *tape, const lg_var
             out[0] = lg_add(tape, out[0], lg_scale(tape, rate, weight[stage]));
         }
     }
-    return lg_tape_status(tape);
 }
 
 /* The same with the policy, and with the saturated regulator of the gains in[1]. */
 #define CLOSED(function, name, K)                                                                            \
-    static lg_status function(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,              \
-                              lg_var *out) {                                                                 \
+    LG_POLICY_RECORDING(function) {                                                                          \
         out[0] =                                                                                             \
-            lg_program_call(tape, name, 0, (const lg_var[]){in[0], acting_at(user, tape, theta, in[0], K)}); \
-        return lg_tape_status(tape);                                                                         \
+            lg_program_call(tape, name, 0, (const lg_var[]){in[0], acting_at(p, tape, theta, in[0], K)});    \
     }
 CLOSED(record_rate, "rate_by_input", LG_NONE)
 CLOSED(record_rate_by_gains, "rate_by_input", in[1])
@@ -199,14 +193,12 @@ lg_status lg_policy_add_rate(lg_policy *p, lg_program **program, lg_error *error
 
 /* ---- one coordinate: the energy ---- */
 
-static lg_status record_slope(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const lg_policy *p = user;
+LG_POLICY_RECORDING(record_slope) {
     const lg_var still[2] = {in[0], lg_scale(tape, in[0], 0.0)};
     const lg_var z = lg_concat(tape, still, 2, 1),
                  in_f[2] = {place_at(p, tape, z).x, acting_at(p, tape, theta, z, LG_NONE)},
                  f = lg_program_call(tape, "field", 0, in_f);
     out[0] = lg_neg(tape, lg_slice(tape, f, 1, 1, 1));
-    return lg_tape_status(tape);
 }
 
 static lg_status check_energy(const lg_policy *p, lg_error *error) {

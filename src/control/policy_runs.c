@@ -38,11 +38,6 @@ lg_status lg_policy_starts(const lg_policy *p, lg_rng *rng, size_t count, double
     return lg_policy_states(p, z, count, x, error);
 }
 
-/* The machine of piece `piece` of disturbed runs: the policy or one of its draws. */
-static const lg_policy *machine_of(const lg_policy *p, uint64_t piece) {
-    return p->draw_count > 0 ? p->draws[piece % p->draw_count] : p;
-}
-
 lg_status lg_policy_plans_create(const lg_policy *p, bool drawn, const char *const *functions, size_t count,
                                  lg_dtype dtype, size_t rows, lg_policy_plans *out, lg_error *error) {
     const size_t machines = drawn && p->draw_count > 0 ? p->draw_count : 1, all = machines * count;
@@ -50,7 +45,7 @@ lg_status lg_policy_plans_create(const lg_policy *p, bool drawn, const char *con
     out->plan = lg_alloc(p->context, all, sizeof(lg_plan *));
     if (out->plan == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for plans of a policy");
     for (size_t i = 0; i < all; i++) {
-        const lg_policy *of = drawn ? machine_of(p, i / count) : p;
+        const lg_policy *of = drawn && p->draw_count > 0 ? p->draws[i / count % p->draw_count] : p;
         LG_TRY(lg_policy_plan(of, functions[i % count], dtype, rows, &out->plan[i], error));
         const size_t own = lg_plan_work_size(out->plan[i]);
         out->work = own > out->work ? own : out->work;

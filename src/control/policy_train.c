@@ -237,18 +237,14 @@ static lg_status drop_racers(training *t, double done) {
     return LG_OK;
 }
 
-/* Starts of a step of Adam. The winner gets twice as many as a racer: they are two pieces of work. */
-static size_t starts_of(const training *t) {
-    return (t->phase == RACE ? 1 : 2) * (size_t)t->options.starts;
-}
-
 static lg_status adam_phase(training *t, size_t points, uint64_t steps) {
-    const uint64_t every = steps / LOOKS + 1;
+    /* The winner gets twice as many starts as a racer: they are two pieces of work. */
+    const uint64_t every = steps / LOOKS + 1, starts = (t->phase == RACE ? 1 : 2) * t->options.starts;
     judged found;
     if (t->batch.policy == NULL)
         LG_TRY(
             lg_policy_batch_create(t->phase == RACE && t->policy->warm != NULL ? t->policy->warm : t->policy,
-                                   LG_F32, points, starts_of(t), t->options.threads, &t->batch, t->error));
+                                   LG_F32, points, starts, t->options.threads, &t->batch, t->error));
     double done;
     t->batch.bound = 5.0 * t->policy->terminal;
     t->batch.points = t->phase == RACE ? t->racers : 1;

@@ -17,15 +17,11 @@ typedef struct channel_sums {
     double first, largest, deviation, deviations, errors;
 } channel_sums;
 
-static float to_float(double value) {
-    return fabs(value) >= beyond ? (float)copysign(INFINITY, value) : (float)value;
-}
-
 /* Converts one channel of a window. Numbers that are not finite are found later. */
 static void convert(channel_sums *sums, const double *values, size_t length, float *out) {
     double deviation = 0, error = 0, d2 = 0, e2 = 0;
     for (size_t t = 0; t < length; t++) {
-        out[t] = to_float(values[t]);
+        out[t] = fabs(values[t]) >= beyond ? (float)copysign(INFINITY, values[t]) : (float)values[t];
         sums->largest = fmax(sums->largest, fabs(values[t]));
         deviation = fmax(deviation, fabs(values[t] - sums->first));
         error = fmax(error, fabs((double)out[t] - values[t]));

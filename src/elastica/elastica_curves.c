@@ -129,10 +129,6 @@ static void export_row(const job *j, const lg_elastica *problem, const lg_beam_f
     c->kind[row] = (uint32_t)kind;
 }
 
-static bool is_near(const lg_beam *a, const lg_beam *b) {
-    return a->last * b->last > 0.0 && fabs(a->last - b->last) <= NEAR;
-}
-
 /* Returns family number `place` among the families that are wanted, in the order of the enumeration. */
 static lg_elastica_case family(const lg_elastica_sampling *s, size_t place) {
     return place == 1 || !s->both_ends ? LG_ELASTICA_RIGHT_END : LG_ELASTICA_BOTH_ENDS;
@@ -153,7 +149,8 @@ static lg_status run_block(const job *j, size_t place, size_t block, block_memor
         const lg_beam_frame frame = lg_beam_frame_make(&problem);
         lg_beam beam = frame.beam;
         if (m->collocation) beam.n = m->work.room;
-        const bool near = before.n == beam.n && is_near(&before, &beam);
+        const bool near =
+            before.n == beam.n && before.last * beam.last > 0.0 && fabs(before.last - beam.last) <= NEAR;
         lg_status status = lg_beam_next(near ? &before : NULL, &beam, &m->work, options.max_step, &end);
         if (status == LG_OK && end == LG_BEAM_MINIMUM && m->collocation)
             status = lg_collocation_polish(m->collocation, &beam, &m->work, &end);

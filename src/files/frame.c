@@ -54,7 +54,7 @@ lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error) {
 static lg_status missing_column(lg_frame *f, const char *name, lg_error *error) {
     lg_name_list have = {.used = 0};
     for (uint32_t i = 0; i < f->columns; i++) lg_name_list_add(&have, lg_csv_quote(f->name[i]).text);
-    if (strcmp(f->place, "line") == 0 && f->columns > 0 && (f->columns == 1 || *f->name[1] == '\0'))
+    if (strcmp(f->place, "line") == 0 && (f->columns < 2 || *f->name[1] == '\0'))
         lg_name_list_add(&f->note,
                          "the first line must name the columns, separated by commas, semicolons or tabs");
     return lg_frame_fail(f, 0, NULL, error, "there is no column '%s'; the columns are: %s%s%s", name,

@@ -11,11 +11,6 @@ typedef struct recording {
     const lg_scheme *scheme;
 } recording;
 
-/* The inputs of a function are x, then u if the system has inputs. This is u. */
-static lg_var input_of(const recording *r, const lg_var *x) {
-    return lg_hamiltonian_input_dim(r->model) > 0 ? x[1] : LG_NONE;
-}
-
 /* Functions of x and the numbers of the model alone. */
 #define OF_MODEL(name, recorded)                                                                             \
     static lg_status name(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {      \
@@ -37,7 +32,8 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     lg_var state[LG_HAMILTONIAN_MAX_PARTS], dH[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
     LG_TRY(lg_taped_split(tape, &space, x[0], state));
     LG_TRY(lg_taped_split(tape, &space, lg_program_call(tape, "grad", 1, x), dH));
-    lg_hamiltonian_record_algebra(tape, r->model, 1.0, state, dH, input_of(r, x), out);
+    const lg_var u = lg_hamiltonian_input_dim(r->model) > 0 ? x[1] : LG_NONE;
+    lg_hamiltonian_record_algebra(tape, r->model, 1.0, state, dH, u, out);
     y[0] = lg_taped_join_algebra(tape, &space, out);
     return lg_tape_status(tape);
 }

@@ -59,11 +59,6 @@ static lg_var inner(lg_tape *tape, const lg_var *q) {
     return lg_linear_combination(tape, products, ones, 3);
 }
 
-/* e3.(q_i x q_j) for i < j */
-static lg_var twist(lg_tape *tape, const lg_var *q) {
-    return lg_sub(tape, lg_hamiltonian_pairs(tape, q[0], q[1]), lg_hamiltonian_pairs(tape, q[1], q[0]));
-}
-
 /* ---- rows ---- */
 
 static uint32_t pairs_of(uint32_t n) {
@@ -81,7 +76,10 @@ static lg_var axial(lg_tape *tape, const lg_hamiltonian *model, lg_var x) {
     if (rotations_of(model) > 0) return in_frame(tape, model, x, true);
     split_vectors(tape, model, x, q);
     if (lg_hamiltonian_vectors(model) == 1) return q[2];
-    const lg_var all[3] = {q[2], inner(tape, q), twist(tape, q)};
+    /* e3.(q_i x q_j) for i < j */
+    const lg_var twist =
+        lg_sub(tape, lg_hamiltonian_pairs(tape, q[0], q[1]), lg_hamiltonian_pairs(tape, q[1], q[0]));
+    const lg_var all[3] = {q[2], inner(tape, q), twist};
     return lg_concat(tape, all, 3, 1);
 }
 

@@ -5,13 +5,10 @@
 #include <math.h>
 #include <string.h>
 
-/* Times that differ only by rounding count as equal. */
-static bool same_time(double a, double b, double h) {
-    return a == b || fabs(a - b) <= 4.0 * DBL_EPSILON * fmax(fabs(b), fabs(h));
-}
-
 bool lg_memo_holds(const lg_memo *memo, size_t n, double t, double h, const double *y) {
-    return memo->valid && same_time(memo->t, t, h) && memcmp(memo->y, y, n * sizeof(*y)) == 0;
+    /* times that differ only by rounding count as equal */
+    const bool same = memo->t == t || fabs(memo->t - t) <= 4.0 * DBL_EPSILON * fmax(fabs(t), fabs(h));
+    return memo->valid && same && memcmp(memo->y, y, n * sizeof(*y)) == 0;
 }
 
 void lg_memo_keep(lg_memo *memo, size_t n, double t, const double *y) {

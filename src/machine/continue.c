@@ -80,11 +80,6 @@ static void exchange(const walk *x, size_t w, bool out, double *z, double *theta
             own[k] = (z[k] - guess[k]) / unit[k];
 }
 
-/* Whether window w + 1 begins in the last row of window w. */
-static bool joined(const lg_machine_problem *problem, size_t w) {
-    return w + 1 < problem->windows && problem->start[w + 1] == problem->start[w] + problem->window - 1;
-}
-
 /* Sets the starts in `trial` of up to LG_FIT_CHUNK windows that follow windows first, first + 1, ..., or of
  * these windows from those that follow. */
 static lg_status follow(walk *x, size_t first, bool backwards) {
@@ -92,7 +87,8 @@ static lg_status follow(walk *x, size_t first, bool backwards) {
     size_t at[LG_FIT_CHUNK], of[LG_FIT_CHUNK];
     uint32_t count = 0;
     for (size_t w = first; w < first + LG_FIT_CHUNK && w < problem->windows; w++) {
-        if (!joined(problem, w)) continue;
+        const size_t last = problem->start[w] + problem->window - 1; /* row of window w */
+        if (w + 1 >= problem->windows || problem->start[w + 1] != last) continue;
         const size_t from = backwards ? w + 1 : w, row = problem->start[from];
         exchange(x, from, true, x->z + count * x->numbers, x->theta);
         at[count] = backwards ? problem->log.rows - 1 - row : row;

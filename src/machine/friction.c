@@ -286,16 +286,12 @@ static lg_var stribeck_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_
  * speed goes in the unit of time. */
 static const double deflections = 11.512925464970229;
 
-static double most_deflection(const lg_machine *machine, uint32_t k) {
-    return machine->scales.fastest[k] * machine->scales.time;
-}
-
 static lg_var stiffness(const rubbing *r) {
     double number[LG_MACHINE_VELOCITIES];
     for (uint32_t k = 0; k < r->n; k++)
-        number[k] = r->term->value_count > 0
-                        ? unit_of(r->machine, k, 0) / r->machine->scales.velocity[k]
-                        : r->machine->scales.velocity[k] / most_deflection(r->machine, k);
+        number[k] = r->term->value_count > 0 ? unit_of(r->machine, k, 0) / r->machine->scales.velocity[k]
+                                             : r->machine->scales.velocity[k] /
+                                                   (r->machine->scales.fastest[k] * r->machine->scales.time);
     if (r->term->value_count > 0) return known(r, 3, number);
     const lg_var most = lg_exp(r->tape, lg_scale(r->tape, share_of(r, block(r, 2)), deflections));
     return lg_mul(r->tape, coefficients(r, 0), lg_mul(r->tape, row_of(r, number), most));

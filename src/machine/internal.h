@@ -313,6 +313,10 @@ lg_var lg_machine_record_monomials(lg_tape *tape, const lg_monomials *monomials,
 static inline uint32_t lg_triangle(uint32_t n) {
     return n * (n + 1) / 2;
 }
+/* Index of M_ij among the values of a known mass; UINT32_MAX: M_ij is 0. The values are a matrix, its
+ * diagonal, or a diagonal with one number for each direction. A known damping has the first two. */
+uint32_t lg_machine_mass_place(const lg_machine *machine, const lg_machine_term *term, uint32_t i,
+                               uint32_t j);
 /* lg_term_kind.values for a matrix of all velocities or its diagonal. */
 void lg_machine_square_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]);
 /* Unpacks triangles: packed (B, lg_triangle(n)) -> (B, n, n). With `positive` the diagonal is exp of its

@@ -227,13 +227,10 @@ static lg_status check_mass(const lg_machine *machine, lg_error *error) {
  * are positive and left out. */
 static void add_known(const lg_machine *machine, const lg_machine_term *term, double *sum) {
     const uint32_t n = machine->velocities;
-    const bool diagonal = term->value_count == n;
-    for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = 0; j < n; j++) {
-            const uint32_t index = diagonal ? i : i * n + j;
-            if (!(diagonal && i != j) && !lg_machine_is_entry_of(term, index))
-                sum[i * n + j] += term->values[index];
-        }
+    for (uint32_t i = 0; i < n * n; i++) {
+        const uint32_t index = lg_machine_mass_place(machine, term, i / n, i % n);
+        if (index != UINT32_MAX && !lg_machine_is_entry_of(term, index)) sum[i] += term->values[index];
+    }
 }
 
 /* Whether the symmetric part of the matrix has no eigenvalue below `least` times the largest absolute entry.

@@ -7,11 +7,33 @@
 
 /* ---- known ---- */
 
-/* Index of M_ij among the values; UINT32_MAX: M_ij is 0. */
-static uint32_t place_of(const lg_machine *machine, const lg_machine_term *term, uint32_t i, uint32_t j) {
+uint32_t lg_machine_mass_place(const lg_machine *machine, const lg_machine_term *term, uint32_t i,
+                               uint32_t j) {
     const uint32_t n = machine->velocities;
-    if (term->value_count != n) return i * n + j;
-    return i == j ? i : UINT32_MAX;
+    lg_machine_offsets at = {0};
+    if (term->value_count == n * n) return i * n + j;
+    if (i != j || term->value_count == n) return i == j ? i : UINT32_MAX;
+    while (lg_machine_next(machine, &at) && at.velocity + at.velocities <= i) {
+    }
+    return at.momentum + at.direction + (at.directions > 0 ? 0 : i - at.velocity);
+}
+
+/* The three values of a direction in a full list or matrix must be equal, known and without couplings. */
+static const char *direction_fault(const lg_machine *machine, const lg_machine_term *term) {
+    const uint32_t n = machine->velocities;
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at) && term->value_count >= n;)
+        for (uint32_t k = 0; k < 3 * n && at.directions > 0; k++) {
+            const uint32_t i = at.velocity + k / n, j = k % n, first = at.velocity;
+            const uint32_t to = lg_machine_mass_place(machine, term, i, j),
+                           from = lg_machine_mass_place(machine, term, j, i);
+            const double given =
+                i == j ? term->values[lg_machine_mass_place(machine, term, first, first)] : 0.0;
+            if (to != UINT32_MAX && (term->values[to] != given || term->values[from] != given ||
+                                     lg_machine_is_entry_of(term, to)))
+                return "the mass of a direction is one number without couplings: give a list with one number "
+                       "for each direction, or three equal known numbers";
+        }
+    return NULL;
 }
 
 static lg_var known(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
@@ -22,7 +44,7 @@ static lg_var known(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, c
                    columns = seen->directions ? 1 : n;
     for (uint32_t k = 0; k < n * columns; k++) {
         const uint32_t i = list[k / columns], j = seen->directions ? i : list[k % n];
-        index[k] = place_of(machine, &machine->terms[term], i, j);
+        index[k] = lg_machine_mass_place(machine, &machine->terms[term], i, j);
         factor[k] = lg_machine_unit_mass(machine, i, j);
     }
     return lg_reshape(tape, lg_machine_record_entries(tape, vars, term, n * columns, index, factor),
@@ -32,16 +54,22 @@ static lg_var known(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, c
 static void known_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
                         lg_entry_about *out) {
     const uint32_t n = machine->velocities;
-    const bool line = term->value_count == n;
-    const uint32_t i = line ? index : index / n, j = line ? index : index % n;
+    uint32_t k = 0;
+    while (lg_machine_mass_place(machine, term, k / n, k % n) != index) k++;
+    const uint32_t i = k / n, j = k % n;
     *out = (lg_entry_about){
         .unit = 1.0 / lg_machine_unit_mass(machine, i, j), .start = 1.0, .positive = true, .single = i == j};
     (void)snprintf(out->name, sizeof out->name, "mass.%u.%u", i + 1, j + 1);
 }
 
-/* One value each: a diagonal. */
 static void diagonal_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
-    fits[0] = fits[1] = machine->velocities;
+    const uint32_t n = machine->velocities;
+    fits[0] = fits[1] = term->value_count == n ? n : machine->momenta + machine->directions;
+}
+
+static void known_values(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]) {
+    diagonal_values(machine, term, fits);
+    fits[1] = (size_t)machine->velocities * machine->velocities;
 }
 
 /* ---- diagonal and constant ----
@@ -125,7 +153,8 @@ static lg_var network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
 const lg_term_kind lg_machine_mass_kinds[] = {{.name = "known",
                                                .part = LG_MACHINE_MASS,
                                                .options = LG_TERM_VALUES | LG_TERM_KNOWN,
-                                               .values = lg_machine_square_values,
+                                               .values = known_values,
+                                               .fault = direction_fault,
                                                .entry = known_entry,
                                                .record = known},
                                               {.name = "diagonal",
@@ -133,6 +162,7 @@ const lg_term_kind lg_machine_mass_kinds[] = {{.name = "known",
                                                .numbers = lg_numbers_mass,
                                                .options = LG_TERM_VALUES,
                                                .values = diagonal_values,
+                                               .fault = direction_fault,
                                                .entry = known_entry,
                                                .parameters = diagonal_parameters,
                                                .record = diagonal},

@@ -34,11 +34,6 @@ static lg_status begin(lg_tape *tape, const runs *r, lg_machine_vars *vars, lg_m
     return lg_machine_begin_flow(tape, r->machine, r->scheme, r->substeps, theta, vars, flow);
 }
 
-/* NaN marks rows that are not predicted. */
-static double mark(double x) {
-    return isnan(x) ? INFINITY : x;
-}
-
 /* Writes point `step` of all runs in the log's units; keeps the scaled states in r->state for the next
  * step. */
 static lg_status keep(lg_tape *tape, const runs *r, const lg_machine_flow *flow, const lg_var *parts,
@@ -52,7 +47,8 @@ static lg_status keep(lg_tape *tape, const runs *r, const lg_machine_flow *flow,
     find_rows(r, step);
     const lg_var shown = lg_machine_record_shown(tape, flow->vars, r->log, r->at, (uint32_t)r->count, parts);
     LG_TRY(lg_read(tape, shown, r->count * nv, v));
-    for (size_t k = 0; k < r->count * (nq + nv) && r->to_end; k++) r->row[k] = mark(r->row[k]);
+    for (size_t k = 0; k < r->count * (nq + nv) && r->to_end; k++)
+        if (isnan(r->row[k])) r->row[k] = INFINITY; /* NaN marks rows that are not predicted */
     for (size_t i = 0; i < r->count; i++) {
         lg_machine_unscale_row(machine, q + i * nq, v + i * nv);
         for (size_t k = 0; k < nv && machine->accelerations; k++) v[i * nv + k] /= machine->scales.time;

@@ -158,7 +158,7 @@ static double known_energy(const lg_machine *machine, const moments *size) {
     for (uint32_t k = 0; k < n; k++) {
         double m = 0.0;
         if (mass != NULL)
-            m = mass->values[mass->value_count == n ? k : k * n + k];
+            m = mass->values[lg_machine_mass_place(machine, mass, k, k)];
         else if (size->acceleration[k] > 0.0)
             m = size->force[k] / size->acceleration[k];
         if (!(m > 0.0)) continue;

@@ -268,11 +268,6 @@ static lg_var breakaways(const sticking *k, const segment *g, const mode *in, lg
     return newton(k, y, slope, first);
 }
 
-/* The smallest number of each row, (B, 1). */
-static lg_var least_of(const sticking *k, lg_var x) {
-    return lg_neg(k->tape, lg_max_axis(k->tape, lg_neg(k->tape, x), 1, true));
-}
-
 /* Goes to the first event of the segment, or to its end. */
 static void go(const sticking *k, const segment *g, const mode *in, lg_var cross, instant *now) {
     lg_tape *t = k->tape;
@@ -284,7 +279,7 @@ static void go(const sticking *k, const segment *g, const mode *in, lg_var cross
     const lg_var stop = stops(k, g, of_v, cross), away = breakaways(k, g, in, &s, &breaks);
     breaks = lg_mul(t, breaks, going);
     const lg_var when = choose(k, cross, stop, choose(k, breaks, away, lg_scale(t, k->one, 2.0)));
-    const lg_var first = least_of(k, when), part = least(k, first, k->one),
+    const lg_var first = lg_neg(t, lg_max_axis(t, lg_neg(t, when), 1, true)), part = least(k, first, k->one),
                  hit = lg_mul(t, lg_add(t, cross, breaks), lg_ge(t, first, when));
     now->q = value(k, of_q, part);
     now->v = choose(k, lg_mul(t, in->keep, opposite(k, hit)), value(k, of_v, part), k->none);

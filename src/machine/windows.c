@@ -72,18 +72,17 @@ lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_error *
         !positive(problem->velocity_scale, machine->coordinate_count))
         return lg_fail(error, LG_INVALID_ARGUMENT, "the scales of the loss must be above 0");
     LG_TRY(lg_machine_space(machine, &space));
-    if (problem->scheme->kind == LG_SCHEME_VARIATIONAL) {
-        const char *fault = lg_machine_variational_fault(machine);
+    const char *fault = lg_machine_variational_fault(machine);
+    if (problem->scheme->kind == LG_SCHEME_VARIATIONAL)
         return fault == NULL ? LG_OK : lg_fail(error, LG_UNSUPPORTED, "%s", fault);
-    }
     const bool lie =
         problem->scheme->kind == LG_SCHEME_RKMK || problem->scheme->kind == LG_SCHEME_COMMUTATOR_FREE;
     if (!lie || (problem->scheme->ambient && !lg_space_is_abelian(&space)))
-        return lg_fail(
-            error, LG_UNSUPPORTED,
-            "%s does not stay on the manifold of this machine; take cf4, rkmk4 or another explicit "
-            "Lie group scheme, or variational",
-            problem->scheme->name);
+        return lg_fail(error, LG_UNSUPPORTED, "%s %s; take cf4, rkmk4 or another explicit Lie group scheme%s",
+                       problem->scheme->name,
+                       lie ? "does not stay on the manifold of this machine"
+                           : "is an implicit, splitting or slgi scheme, which machines do not have",
+                       fault == NULL ? ", or variational" : "");
     return LG_OK;
 }
 

@@ -351,14 +351,18 @@ lg_status lg_system_copy(const lg_context *context, const lg_system *system, lg_
     return finish(copy, out);
 }
 
-lg_status lg_system_set_parameters(lg_system *system, const double *values) {
-    LG_NEEDS(NULL, system, values);
-    const double *from = values;
+lg_status lg_system_check_parameters(const lg_system *system, const double *values, lg_error *error) {
     for (const lg_parameter_entry *p = system->row->parameters; p->key; p++) {
         const size_t n = lg_parameter_numbers(p, system->links);
-        LG_TRY(lg_parameter_check(p, from, n, NULL));
-        from += n;
+        LG_TRY(lg_parameter_check(p, values, n, error));
+        values += n;
     }
+    return LG_OK;
+}
+
+lg_status lg_system_set_parameters(lg_system *system, const double *values) {
+    LG_NEEDS(NULL, system, values);
+    LG_TRY(lg_system_check_parameters(system, values, NULL));
     memcpy(system->parameters, values, system->parameter_count * sizeof(*values));
     if (system->row->prepare) system->row->prepare(system, system->constants);
     return LG_OK;
@@ -421,12 +425,9 @@ size_t lg_system_own_work(const lg_system *system) {
     return in_all(system->row->work, system->links) + lg_derived_work(system);
 }
 
-static bool is_generated(const lg_system *system) {
-    return lg_system_constrained(system) && !system->row->field[LG_COORDINATES_AMBIENT];
-}
-
 size_t lg_system_work_size(const lg_system *system) {
-    const size_t work = lg_system_own_work(system) + (is_generated(system) ? system->space.algebra_dim : 0);
+    const bool generated = lg_system_constrained(system) && !system->row->field[LG_COORDINATES_AMBIENT];
+    const size_t work = lg_system_own_work(system) + (generated ? system->space.algebra_dim : 0);
     return (work > 0 ? work : 1) * sizeof(double);
 }
 

@@ -92,6 +92,8 @@ lg_status lg_parameter_find(const char *system, const lg_parameter_entry *table,
                             const lg_parameter_entry **out, lg_error *error);
 /* Checks the n values x against the rule of the parameter. */
 lg_status lg_parameter_check(const lg_parameter_entry *p, const double *x, size_t n, lg_error *error);
+/* Checks the values of all parameters of the system. */
+LG_API lg_status lg_system_check_parameters(const lg_system *system, const double *values, lg_error *error);
 /* Writes the label, such as "m2", of value `index`, where the values of all parameters are counted together.
  * Empty if index is too large. */
 #define LG_PARAMETER_LABEL 32

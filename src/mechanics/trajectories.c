@@ -140,10 +140,6 @@ void lg_trajectory_options_init(lg_trajectory_options *options) {
                                        .atol = -1e-13};
 }
 
-static bool is_tolerance(double x) {
-    return x >= 0.0 && isfinite(x);
-}
-
 const char *lg_trajectory_fault(const lg_trajectory_options *o) {
     if (starts_fault(o)) return starts_fault(o);
     if (o->trajectories < 1) return "trajectories must be at least 1";
@@ -154,7 +150,7 @@ const char *lg_trajectory_fault(const lg_trajectory_options *o) {
     if (!(o->ahead >= 0.0) || !isfinite(o->ahead)) return "ahead must not be negative";
     if (o->segments < 1) return "segments must be at least 1";
     if (o->first % o->segments != 0) return "first must be a multiple of segments";
-    if (!is_tolerance(o->rtol) || !isfinite(o->atol) || !(o->rtol + fabs(o->atol) > 0.0))
+    if (!(o->rtol >= 0.0 && isfinite(o->rtol)) || !isfinite(o->atol) || !(o->rtol + fabs(o->atol) > 0.0))
         return "rtol must not be negative, and rtol and atol must be finite and not both zero";
     return NULL;
 }

@@ -15,12 +15,6 @@ LG_AT(lg_tape_destroy, lg_tape)
 /* Threads are used from so many blocks on; with fewer, waking them costs more than it saves. */
 #define PARALLEL_BLOCKS 16
 
-/* Whether the bound on the norm that a backward sweep returns can replace a pass over the gradient: one sweep
- * computes the whole gradient, and the norm is not needed for clipping. */
-static bool bound_suffices(const lg_fit *fit, const lg_shard *shard, size_t count) {
-    return fit->active == 1 && count == shard->count && fit->options.clip_norm == 0.0;
-}
-
 static size_t chunk_of(const lg_fit *fit) {
     return fit->problem.chunk > 0 ? fit->problem.chunk : LG_FIT_CHUNK;
 }
@@ -46,7 +40,8 @@ static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *
     shard->loss += value;
     if (!fit->with_gradient || !isfinite(shard->loss)) return LG_OK;
     void *gradient = shard->gradient;
-    if (bound_suffices(fit, shard, count))
+    /* one sweep computes the whole gradient, whose norm is not needed for clipping: its bound suffices */
+    if (fit->active == 1 && count == shard->count && fit->options.clip_norm == 0.0)
         return lg_backward_set_bounded(tape, loss, &theta, 1, &gradient, &shard->bound);
     if (samples == shard->samples) return lg_backward_set(tape, loss, &theta, 1, &gradient);
     return lg_backward(tape, loss, &theta, 1, &gradient);

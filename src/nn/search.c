@@ -42,12 +42,12 @@ void lg_search_options_init(lg_search_options *options) {
 
 /* ---- spaces ---- */
 
-/* Whether the name is terminated, not empty, and can be a cell of a CSV table without quotes. */
+/* Whether the name is terminated, not empty, and a word that a table shows as it is. */
 static bool is_name(const char name[LG_RANGE_NAME]) {
     const char *end = memchr(name, '\0', LG_RANGE_NAME);
     if (end == NULL || end == name || name[0] == ' ' || end[-1] == ' ') return false;
     for (; name < end; name++)
-        if ((unsigned char)*name < 0x20 || *name == 0x7f || *name == ',' || *name == '"') return false;
+        if ((unsigned char)*name < 0x20 || *name == 0x7f || *name == '"') return false;
     return true;
 }
 
@@ -58,8 +58,8 @@ static lg_status check_choices(const lg_range *range, lg_error *error) {
     for (uint32_t i = 0; i < range->choices; i++) {
         if (!is_name(range->choice[i]))
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "%s: choice %u is empty, too long, holds a comma, a quote or a control "
-                           "character, or begins or ends with a blank",
+                           "%s: choice %u is empty, too long, holds a quote or a control character, or "
+                           "begins or ends with a blank",
                            range->name, i + 1);
         for (uint32_t k = 0; k < i; k++)
             if (strcmp(range->choice[i], range->choice[k]) == 0)
@@ -94,8 +94,7 @@ static lg_status check_range(const lg_search_space *space, size_t index, lg_erro
     const lg_range *range = &space->ranges[index];
     if (!is_name(range->name))
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the name of range %zu is empty, too long, or holds a comma, a quote or a control "
-                       "character",
+                       "the name of range %zu is empty, too long, or holds a quote or a control character",
                        index + 1);
     for (size_t k = 0; k < index; k++)
         if (strcmp(range->name, space->ranges[k].name) == 0)

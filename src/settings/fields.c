@@ -336,17 +336,22 @@ static lg_status refuse_number(const lg_field *row, const char *text, lg_error *
                    named ? " nor " : "", range);
 }
 
-static bool find_name(const lg_field *row, const char *text, uint32_t *value) {
+/* The other spelling of a truth value; any other word as it is. */
+static const char *respelled(const char *word) {
+    return strcmp(word, "no") == 0 ? "false" : strcmp(word, "yes") == 0 ? "true" : word;
+}
+
+bool lg_field_find_name(const lg_field *row, const char *text, uint32_t *value) {
     const char *name;
     for (*value = 0; (name = lg_field_name(row, *value)) != NULL; (*value)++)
-        if (strcmp(name, text) == 0) return true;
+        if (strcmp(respelled(name), respelled(text)) == 0) return true;
     return false;
 }
 
 static lg_status set_name(const lg_field *row, const char *text, void *run, lg_error *error) {
     char names[512];
     uint32_t value;
-    if (find_name(row, text, &value)) {
+    if (lg_field_find_name(row, text, &value)) {
         set_whole(row, run, value);
         return LG_OK;
     }
@@ -397,9 +402,13 @@ static lg_status set_list(const lg_field *row, const char *text, void *run, lg_e
     return LG_OK;
 }
 
-static lg_status set_string(const lg_field *row, const char *text, void *run, lg_error *error) {
+static lg_status set_text(const lg_field *row, const char *text, void *run, lg_error *error) {
+    const bool borrowed = row->type == LG_FIELD_STRING;
     if (text[0] == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "the value is empty");
-    memcpy((char *)run + row->offset, &text, sizeof text);
+    if (!borrowed && strlen(text) >= row->size)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the text is longer than %zu bytes", row->size - 1);
+    memcpy((char *)run + row->offset, borrowed ? (const void *)&text : text,
+           borrowed ? sizeof text : strlen(text) + 1);
     return LG_OK;
 }
 
@@ -420,17 +429,10 @@ lg_status lg_field_set(const lg_field *row, const char *text, void *run, lg_erro
         memcpy((char *)run + row->offset, &real, sizeof real);
         return LG_OK;
     }
-    if (row->type == LG_FIELD_STRING) return set_string(row, text, run, error);
-    if (row->type == LG_FIELD_TEXT) {
-        if (text[0] == '\0') return lg_fail(error, LG_INVALID_ARGUMENT, "the value is empty");
-        if (strlen(text) >= row->size)
-            return lg_fail(error, LG_INVALID_ARGUMENT, "the text is longer than %zu bytes", row->size - 1);
-        memcpy((char *)run + row->offset, text, strlen(text) + 1);
-        return LG_OK;
-    }
+    if (row->type == LG_FIELD_STRING || row->type == LG_FIELD_TEXT) return set_text(row, text, run, error);
     if (row->type == LG_FIELD_PHRASE) return row->parse(text, (char *)run + row->offset, error);
     if (!is_whole(row)) return lg_fail(error, LG_INVALID_ARGUMENT, "%s cannot be set", row->name);
-    if (find_name(row, text, &word))
+    if (lg_field_find_name(row, text, &word))
         whole = (uint64_t)row->high + 1 + word;
     else if (!take_whole(row, text, &whole))
         return refuse_number(row, text, error);

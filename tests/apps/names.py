@@ -146,7 +146,7 @@ epochs: 1
 hidden: [4]
 test: { trajectories: 2, points: 3 }
 """
-RANGES = {"table": "ranges: { lr: { log-uniform: [1e-3, 1e-1] } }\nfixed: { epochs: 2, hidden: 4 }\n",
+RANGES = {"table": "ranges: { hidden: { integer: [3, 6] } }\nfixed: { epochs: 2 }\n",
           "curves": "ranges: { lr: { log-uniform: [1e-3, 1e-1] } }\nfixed: { epochs: 1, hidden: 4, layers: 1 }\n",
           "well": "ranges: { lr: { log-uniform: [1e-3, 1e-1] } }\nfixed: { epochs: 1, method: cnn }\n"}
 
@@ -201,6 +201,7 @@ ROWS = [
     ("lg-hamiltonian", "train data.h5 --epochs 1 --hidden 4 --out {out}.h5 --plot {pic}", []),
     ("lg-hamiltonian", "evaluate ham.h5 data.h5 --plot {pic}", []),
     ("lg-hamiltonian", "predict ham.h5 scene.yaml --points 4 --t-end 0.1 --out {out}.h5 --plot {pic}", []),
+    ("lg-hamiltonian", "search ranges_table.yaml data.h5 --trials 2 --out {out}.csv --plot {pic}", []),
     ("lg-hamiltonian", "study grid.yaml --out {out}.csv --plot {pic}", []),
     ("lg-elastica", "solve --case both-ends --x 3 --intervals 10 --out {out}.csv --plot {pic}", []),
     ("lg-elastica", "generate --case both-ends --count 3 --intervals 10 --out {out}.h5 --plot {pic}", []),
@@ -300,7 +301,7 @@ class Names:
                 f.write(raw)
 
     def fault(self, line, texts, what):
-        self.faults.append("%s\n    names: %s\n    %s" % (line, texts or self.names, what))
+        self.faults.append("%s\n    names: %s\n    %s" % (line, texts or getattr(self, "names", {}), what))
         print("FAULT", self.faults[-1], flush=True)
 
     def check_text(self, line, texts, name, raw):

@@ -25,7 +25,7 @@ expect() {
     [ "$found" = "$expected" ] || { echo "$*: '$found', not '$expected'"; status=1; }
 }
 expect 'train' lg-hamiltonian tr
-expect 'demo evaluate generate predict study train' lg-hamiltonian ''
+expect 'demo evaluate generate predict search study train' lg-hamiltonian ''
 expect 'evaluate' lg-hamiltonian --seed 3 ev
 expect '--penalty-form= --penalty-integral= --penalty=' lg-hamiltonian train --pen
 expect '--json' lg-hamiltonian --js

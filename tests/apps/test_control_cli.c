@@ -63,7 +63,8 @@ TEST("a policy does not replace the plant that its task names") {
                            "--seed 1 --out log.csv");
     cli_run("lg-identify", "fit unknown.yaml log.csv --out plant.h5");
     cli_write("fitted.yaml", test_text("plant: plant.h5%s", strchr(TASK "controller: {kind: lqr}\n", '\n')));
-    cli_expect(control, "train fitted.yaml --out plant.h5", 2, "plant.h5 is an input and would be replaced");
+    cli_expect(control, "train fitted.yaml --out plant.h5", 3,
+               "plant.h5: exists and is not an earlier result of this kind");
     cli_run(control, "train fitted.yaml --out policy.h5" BRIEFLY); /* the plant is as it was */
 }
 

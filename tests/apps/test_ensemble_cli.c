@@ -88,6 +88,20 @@ TEST("parameters vary for each member; a member whose parameter is not allowed f
     assert_says(result.err, "members failed");
 }
 
+TEST("members that leave the manifold or change their energy are counted, and the wrong parameter is named") {
+    cli_write("fast.yaml", "system: heavy-top\nt_end: 1\ninertia: [0.234375, 0.46875, 0.234375]\nmass: 15\n"
+                           "length: 2\nchi: [0, 1, 0]\ngamma0: [0, 0, -9.81]\n"
+                           "initial: {Q: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], pi: [0, 70.3125, -1.08]}\n");
+    json("fast.yaml --ensemble 20 --method rk4 --steps 100 --vary inertia=around:1%", "");
+    assert_says(result.err, "of 20 members 20 leave the manifold, and 0 change their energy");
+    json("fast.yaml --ensemble 20 --method cf4 --steps 1000 --vary inertia=around:1%", "warnings []");
+    json("circles.yaml --ensemble 20 --method rk4 --steps 100 --t-end 300", "");
+    assert_says(result.err, "of 20 members 0 leave the manifold, and 20 change their energy");
+    json("pendulums.yaml --ensemble 20 --vary m1=uniform:-1:1", "");
+    assert_says(result.err, "is not allowed: masses = -0.");
+    assert_says(result.err, " is not a positive number");
+}
+
 TEST("the list of failures has the lowest members in their order, whatever the number of threads") {
     long last[2] = {-1, -1};
     for (int k = 0; k < 2; k++) {

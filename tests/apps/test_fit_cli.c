@@ -1092,15 +1092,23 @@ TEST("damaged tables do not crash the program") {
 
 TEST("a search finds the better width") {
     need_tables();
+    cli_write(
+        "lists.yaml",
+        "ranges:\n  hidden: {choice: [[4, 4], \"3,3\"]}\nfixed: {epochs: 2, decay: [1, 1, 1, 1, 1, 1, 1]}\n");
+    cli_json(fit, "search lists.yaml classes.csv --class where --trials 4 --out lists.csv", "done 4");
     cli_write("ranges.yaml", "ranges:\n  hidden: {integer: [1, 12]}\nfixed: {epochs: 20}\n");
     cli_expect(fit, "search ranges.yaml smooth.csv --trials 3 --out trials.csv", 0, "");
     assert_true(cli_exists("trials.csv"));
 }
 
-TEST("the best command of a search has no option of adam if another method trains") {
+TEST("an option of adam that no trial reads is refused, and the best command has none that it ignores") {
     need_tables();
-    cli_write("plan.yaml", "ranges:\n  batch: {choice: [40, 80]}\nfixed: {epochs: 2, optimizer: lbfgs}\n");
-    cli_expect(fit, "search plan.yaml smooth.csv --trials 1 --out plan.csv", 0, "--optimizer lbfgs --seed");
+    cli_write("plan.yaml", "ranges:\n  optimizer: {choice: [lm, adam]}\nfixed: {epochs: 2, lr: 1e-9}\n");
+    cli_expect(fit, "search plan.yaml smooth.csv --sampler grid --trials 2 --out plan.csv", 0,
+               "--epochs 2 --optimizer lm --seed");
+    cli_write("plan.yaml", "ranges:\n  batch: {choice: [40, 80]}\n");
+    cli_expect(fit, "search plan.yaml smooth.csv --trials 1 --out no.csv", 3,
+               "line 2: batch: is for adam; training by lm has no such option");
 }
 
 TEST("a search takes columns and classes as train does, and continues only with the same ones") {

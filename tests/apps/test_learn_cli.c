@@ -78,6 +78,15 @@ TEST("lg-learn lists all recipes that also have their own program") {
     assert_true(found >= LG_COUNT(rows));
 }
 
+TEST("the last --recipe counts, and may be abbreviated") {
+    make_data(row_of("table"));
+    cli_json(learn, "train data.h5 --recipe hamiltonian --rec table --linear no --epochs 2 --out m.h5",
+             "rmse *");
+    cli_json(learn, "evaluate m.h5 data.h5", "recipe \"table\"");
+    cli_expect(learn, "train data.h5 --recipe=table --recip=hamiltonian --linear no --epochs 2 --out m.h5", 2,
+               "unrecognized option '--linear'");
+}
+
 TEST("train finds the same bits as the recipe's own program") {
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         const struct learned *row = &rows[i];
@@ -162,6 +171,8 @@ TEST("a prediction is the motion that the recipe's program finds, and its table 
     const struct learned *row = row_of("hamiltonian");
     make_data(row);
     cli_expect(learn, test_text("train data.h5 --recipe hamiltonian %s --out m.h5", row->train), 0, "");
+    cli_expect(learn, "evaluate m.h5 data.h5", 0, "without measured starts");
+    cli_expect("lg-hamiltonian", "evaluate m.h5 data.h5", 0, "starts included");
     cli_expect("lg-hamiltonian", test_text("%s --json", start), 0, "");
     assert_int_equal(json_array(result.out, "y", theirs, 6), 6);
     cli_expect(learn, test_text("%s --out p.csv --json", start), 0, "");
@@ -180,6 +191,35 @@ TEST("a prediction is the motion that the recipe's program finds, and its table 
     (void)cli_read("p.csv", table, sizeof table);
     for (const char *at = table; (at = strchr(at, '\n')) != NULL; at++) lines++;
     assert_int_equal(lines, 12);
+}
+
+TEST("predict checks its inputs as the recipe's program does, and says what its numbers are") {
+    make_data(row_of("table"));
+    cli_expect("lg-fit", "train data.h5 --hidden 4 --epochs 9 --out m.h5", 0, "");
+    cli_expect(learn, "predict m.h5 --initial 9,0.5", 0, "");
+    assert_says(result.err, "outside of the training range");
+    cli_json(learn, "predict m.h5 --initial 0.9,0.5", "value *, warnings []");
+    cli_write("classes.csv", "a,k\n1,u\n2,u\n3,u\n4,v\n5,v\n6,v\n1.5,u\n2.5,u\n4.5,v\n5.5,v\n");
+    cli_expect("lg-fit", "train classes.csv --class k --test classes.csv --out m.h5 --epochs 9", 0, "");
+    cli_expect("lg-fit", "predict m.h5 classes.csv --out classes-p.csv", 0, "");
+    double row[3], ours[2];
+    char table[1024];
+    (void)cli_read("classes-p.csv", table, sizeof table);
+    assert_int_equal(sscanf(table, "%*[^\n] u,%lf,%lf", &row[0], &row[1]), 2);
+    cli_expect(learn, "predict m.h5 --initial 1", 0, "logits");
+    cli_json(learn, "predict m.h5 --initial 1", "value *");
+    assert_int_equal(json_array(result.out, "probability", ours, 2), 2);
+    for (int i = 0; i < 2; i++) assert_close(ours[i], row[i], 1e-12, 1e-12);
+    make_data(row_of("surrogate"));
+    cli_expect("lg-elastica", "train data.h5 --network angle --hidden 4 --epochs 9 --out m.h5", 0, "");
+    cli_expect(learn, "predict m.h5 --initial 1,0,0,1,0,9,0,1,0", 2, "the ends are 9 apart");
+    cli_expect(learn, "predict m.h5 --initial 4,0,0,1,0,3,0,1,0", 2, "s = 4 is outside the beam [0, 3.3]");
+    cli_expect(learn, "predict m.h5 --initial 1,0,0,0,1,1,0,0,1", 0, "");
+    assert_says(result.err, "outside the training range");
+    make_data(row_of("machine_model"));
+    cli_expect("lg-identify", "fit machine.yaml data.h5 --epochs 9 --out m.h5", 0, "");
+    cli_json(learn, "predict m.h5 --initial 0.3,2", "value *, velocities [");
+    cli_expect(learn, "predict m.h5 --initial 0.3,2", 0, "of the start, which has momenta; no input acts");
 }
 
 static int setup(void **state) {

@@ -112,6 +112,8 @@ static void expect_not_resumed(const struct trainer *t) {
 TEST("the same seed gives the same bits with any number of threads, in one run or resumed; another seed "
      "gives other bits") {
     for (const struct trainer *t = trainers; t < trainers + LG_COUNT(trainers); t++) {
+        cli_forget("one.h5 two.h5 other.h5 half.h5 resumed.h5 c.h5 one.h5.checkpoint two.h5.checkpoint "
+                   "other.h5.checkpoint half.h5.checkpoint");
         char line[256];
         cli_run(t->program, "train %s.h5 %s --epochs 6 --threads 1 --seed 4 --out one.h5", t->name,
                 t->options);
@@ -134,6 +136,7 @@ TEST("the same seed gives the same bits with any number of threads, in one run o
 
 TEST("Ctrl-C saves the state of training and leaves no model") {
     for (const struct trainer *t = trainers; t < trainers + LG_COUNT(trainers); t++) {
+        cli_forget("now.h5 now.h5.checkpoint");
         char line[256];
         (void)snprintf(
             line, sizeof line,
@@ -328,6 +331,8 @@ TEST("training with a preset is resumed with the stored preset, and gives the bi
     for (size_t i = 0; i < 2; i++) {
         const char *preset = i == 0 ? "thesis" : "best";
         char line[256];
+        cli_forget(
+            "one.h5 resumed.h5 one.h5.checkpoint resumed.h5.checkpoint half.h5 half.h5.checkpoint c.h5");
         cli_run("lg-hamiltonian", "train chain.h5 --preset %s --epochs 4 --hidden 9,9 --out one.h5", preset);
         cli_run("lg-hamiltonian",
                 "train chain.h5 --preset %s --epochs 4 --hidden 9,9 --stop-after 2 --out p.h5", preset);

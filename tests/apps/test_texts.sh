@@ -52,7 +52,8 @@ use() {
     local json
     for json in '' --json; do
         case "$json $*" in '--json '*' predict '*) [[ $* = *--out* ]] || continue ;; esac # CSV on standard output
-        rm -f "watch$bad.log" # a log of verdicts does not go on in JSON
+        # A log of verdicts does not go on in JSON, and a model replaces none of another kind.
+        rm -f "watch$bad.log" "x$bad.h5"
         run "$@" $json
         [ $found = 0 ] || fail "$(printf '%q ' "$@" $json): exit code $found: $(head -c 300 "$err")"
         succeeded=$((succeeded + 1))
@@ -138,7 +139,7 @@ use lg-anomaly watch "detector$bad.h5" --input "feed$bad.csv" --log "watch$bad.l
 grep -qaP '[\x00-\x08\x0b-\x1f\x7f]' "watch$bad.log" && fail "a control character in the log of watch"
 use lg-simulate "scene$bad.yaml" --scheme "./scheme$bad.yaml" --steps 5 --out "run$bad.h5"
 use lg-hamiltonian evaluate "hamiltonian$bad.h5" data.h5
-use lg-hamiltonian predict "hamiltonian$bad.h5" "scene$bad.yaml" --t-end 1 --out "run$bad.h5"
+use lg-hamiltonian predict "hamiltonian$bad.h5" "scene$bad.yaml" --t-end 1 --out "flow$bad.h5"
 use lg-identify check "machine$bad.yaml" "log$bad.csv"
 use lg-identify fit "machine$bad.yaml" "log$bad.csv" --epochs 30 --out "x$bad.h5" --suggest "suggest$bad.yaml"
 use lg-identify evaluate "machine$bad.h5" "log$bad.csv"

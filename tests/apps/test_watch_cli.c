@@ -501,13 +501,15 @@ TEST("a last line without a newline may hold half a number") {
     watch("", "received 1");
 }
 
-TEST("a --crack-at after the last sample causes a warning") {
+TEST("a --crack-at after the last sample or before the first window causes a warning") {
     begin();
     add_samples(true, 0, 200, 100);
     watch("--crack-at 20", "");
     assert_string_equal(result.err, "");
     watch("--crack-at 2520000", "");
     assert_says(result.err, "--crack-at 2520000 s is after the last sample, at 39.8 s");
+    watch("--crack-at 0.02", "false_alarms_per_day null");
+    assert_says(result.err, "--crack-at 0.02 s is before the end of the first scored window");
     cli_expect("lg-anomaly", "watch --help", 0, "takes hours");
     cli_expect("lg-anomaly", "feed --help", 0, "takes seconds");
 }

@@ -322,6 +322,7 @@ static size_t read_value(const char *json, const char *path, double *out) {
 /* Returns false after printing a message if a command failed. */
 static bool run_row(const units_row *row, units in, units_values *out) {
     char text[4096], program[32];
+    cli_forget("m.h5 curves.h5 train.h5 test.h5 made.h5"); /* of another program's row */
     for (size_t i = 0; i < LG_COUNT(row->files) && row->files[i][0] != NULL; i++) {
         expand(row->files[i][1], in, text, sizeof text);
         cli_write(row->files[i][0], text);

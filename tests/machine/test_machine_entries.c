@@ -74,6 +74,35 @@ TEST("a machine whose unknown numbers are at their starts is the machine in whic
     }
 }
 
+TEST("a known mass has one number for each direction, or three equal ones") {
+    enum { N = 7 };
+    static const double one[] = {5, 2, 3}, each[N] = {5, 5, 5, 2, 3, 3, 3};
+    double matrix[N * N] = {0}, got[3];
+    for (int i = 0; i < N; i++) matrix[i * N + i] = each[i];
+    const double *const values[] = {matrix, each, one};
+    static const uint32_t counts[] = {N * N, N, 3};
+    lg_machine machine;
+    for (int k = 0; k < 3; k++) {
+        lg_machine_vars vars;
+        lg_tape *tape = test_tape(LG_F64);
+        machine = empty_machine();
+        add_coordinate(&machine, "d", LG_COORDINATE_DIRECTION);
+        add_coordinate(&machine, "x", LG_COORDINATE_LINE);
+        add_coordinate(&machine, "e", LG_COORDINATE_DIRECTION);
+        add_values(add_term(&machine, LG_MACHINE_MASS, "known"), counts[k], values[k]);
+        assert_machine(&machine);
+        assert_ok(lg_machine_bind(tape, &machine, lg_machine_parameter(tape, &machine, NULL), &vars));
+        assert_ok(lg_read(tape, vars.direction_mass, 2, got));
+        assert_ok(lg_read(tape, vars.mass, 1, got + 2));
+        assert_true(got[0] == 5 && got[1] == 3 && got[2] == 2);
+    }
+    lg_identified number;
+    open_value(&machine.terms[0], 2, 0, 0, 0);
+    assert_machine(&machine);
+    assert_int_equal(lg_machine_numbers(&machine, got, 1, &number), 1);
+    assert_string_equal(number.name, "mass.5.5");
+}
+
 TEST("identified numbers, given as known values, make the same machine, for any parameters") {
     static const uint32_t of[7][2] = {{0, 1}, {1, 1}, {1, 3}, {2, 0}, {3, 1}, {4, 0}, {5, 1}};
     for (uint64_t seed = 1; seed < 5; seed++) {

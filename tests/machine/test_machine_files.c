@@ -228,6 +228,9 @@ TEST("matrices are lists of rows") {
 /* ---- refused descriptions ---- */
 
 #define HEAD "coordinates: [{name: q, kind: line, velocity: v}]\n" /* one line */
+#define ROD                                                                                                  \
+    "coordinates: [{name: d, kind: direction, columns: [a, b, c], velocity: [e, f, g]}, {name: q, kind: "    \
+    "line, velocity: v}]\n"
 
 TEST("wrong keys are refused with their line") {
     static const refusal wrong[] = {
@@ -296,6 +299,11 @@ TEST("wrong keys are refused with their line") {
         {"coordinates: [{name: a, kind: line, velocity: b}, {name: c, kind: line, velocity: d}]\n"
          "mass: {kind: known, values: [[1, 2], [2, 1]]}\n",
          "line 2", "positive definite"},
+        {ROD "mass: {kind: known, values: [1, 7, 9, 2]}\n", "line 2", "one number for each direction"},
+        {ROD "mass: {kind: diagonal, values: [unknown, 1, 1, 2]}\n", "line 2", "one number for each"},
+        {ROD "mass: {kind: known, values: [[1,0,0,0.4],[0,1,0,0],[0,0,1,0],[0.4,0,0,2]]}\n", "line 2",
+         "without couplings"},
+        {ROD "mass: {kind: known, values: [1, 1, 1]}\n", "line 2", "has 3 values, expected 2 or 16"},
         {"", "line 1", ""},
         {"coordinates: [\n", "line", "is not YAML"},
     };
@@ -401,7 +409,7 @@ TEST("wrong terms are refused with their line") {
         {HEAD "offset: [p]\n", "line 2", "'p' is neither a kind (unknown, known) nor a coordinate"},
         {HEAD "offset: [q, v]\n", "line 2", "'v' is given twice"},
         {HEAD "offset: {kind: known, values: [1, 2]}\n", "line 2", "has 2 values, expected 1"},
-        {HEAD "damping: {kind: diagonal, coulomb: yes}\n", "line 2", "none of false, true"},
+        {HEAD "damping: {kind: diagonal, coulomb: maybe}\n", "line 2", "none of false, true"},
         {HEAD "mass: {kind: network, of: [p]}\n", "line 2", "of: 'p' is unknown; expected one of q"},
         {HEAD "mass: {kind: network, of: [q.up]}\n", "line 2", "of: 'q.up' is unknown; expected one of q"},
         {HEAD "mass: {kind: network, of: [q.mass]}\n", "line 2", "of: 'q.mass' is unknown"},

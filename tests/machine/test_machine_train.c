@@ -290,7 +290,10 @@ TEST("training problems that cannot be learned are refused, with the reason") {
     REFUSED(LG_INVALID_ARGUMENT, "the scales of the loss", p->velocity_scale[0] = INFINITY);
     REFUSED(LG_INVALID_ARGUMENT, "no accelerations", lg_machine given = *p->machine;
             given.accelerations = true; p->machine = &given);
-    REFUSED(LG_UNSUPPORTED, "does not stay on the manifold", p->scheme = lg_scheme_find("midpoint"));
+    REFUSED(LG_UNSUPPORTED,
+            "midpoint is an implicit, splitting or slgi scheme, which machines do not have; take cf4, rkmk4 "
+            "or another explicit Lie group scheme, or variational",
+            p->scheme = lg_scheme_find("midpoint"));
     lg_machine turning = all_coordinates();
     add_term(&turning, LG_MACHINE_MASS, "diagonal");
     add_term(&turning, LG_MACHINE_INPUT_MAP, "constant");

@@ -63,6 +63,20 @@ static void assert_sets(const lg_field *row, const char *text, bool good) {
     }
 }
 
+TEST("each option with two truth values takes no and false, and yes and true") {
+    static const char *const words[] = {"no", "false", "yes", "true"};
+    size_t found = 0;
+    EACH_ROW(row) {
+        const bool truth = row->type == LG_FIELD_FLAG && (strcmp(lg_field_name(row, 0), "no") == 0 ||
+                                                          strcmp(lg_field_name(row, 0), "false") == 0);
+        for (size_t i = 0; truth && i < LG_COUNT(words); i++, found++) {
+            assert_sets(row, words[i], true);
+            assert_int_equal(lg_field_whole(row, &run), i / 2);
+        }
+    }
+    assert_true(found > 30);
+}
+
 TEST("the limits of a field are accepted, and nothing beyond them") {
     EACH_ROW(row) {
         char text[64];

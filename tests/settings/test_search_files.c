@@ -83,7 +83,7 @@ TEST("invalid ranges are refused") {
         {"fixed: {a: 1}\nranges:\n  b: {uniform: [0, 1]}\n  a: {uniform: [0, 1]}\n", "line 4",
          "first on line 1"},
         {"fixed:\n  a: 1\n  a: 2\nranges: {b: {uniform: [0, 1]}}\n", "line 3", "'a' stands twice"},
-        {"ranges: {b: {uniform: [0, 1]}}\nfixed: {\n  a: [1, 2]}\n", "line 3", "a: a value"},
+        {"ranges: {b: {uniform: [0, 1]}}\nfixed: {\n  a: [1, [2]]}\n", "line 3", "a: a value"},
         {"ranges: {b: {uniform: [0, 1]}}\nfixed:\n  a: ''\n", "line 3", "a: a value"},
         {"ranges:\n  --lr: {uniform: [0, 1]}\n", "line 2", "name of an option"},
         {"ranges:\n  'l r': {uniform: [0, 1]}\n", "line 2", "name of an option"},
@@ -106,9 +106,12 @@ TEST("invalid ranges are refused") {
         {"ranges:\n  n: {integer: [0, 1.5]}\n", "line 2", "whole"},
         {"ranges:\n  n: {choice: mlp}\n", "line 2", "a list"},
         {"ranges:\n  n: {choice: []}\n", "line 2", "choices"},
-        {"ranges:\n  n: {choice: [a, [b]]}\n", "line 2", "choice"},
+        {"ranges:\n  n: {choice: [a, [b, [c]]]}\n", "line 2", "choice"},
         {"ranges:\n  n: {choice: [a, b, a]}\n", "line 2", "twice"},
-        {"ranges:\n  n: {choice: ['a,b']}\n", "line 2", "comma"},
+        {"ranges:\n  n: {choice: [[a, b], 'a,b']}\n", "line 2", "twice"},
+        {"ranges:\n  n: {choice: [[]]}\n", "line 2", "choice"},
+        {"ranges:\n  n: {choice: [[a23456789012345678901234567890, a]]}\n", "line 2", "1 to 31 bytes"},
+        {"fixed:\n  n: {a: 1}\nranges:\n  x: {uniform: [0, 1]}\n", "line 2", "1 to 63 bytes"},
         {"ranges:\n  n: {choice: [1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17]}\n", "line 2", "16 choices"},
     };
     const char *path = scratch_path("bad.yaml");

@@ -106,7 +106,7 @@ static const char machine_of_a_chain[] =
     "inputs: {columns: [u]}\n"
     "system: pendulum-chain\n"
     "parameters: {gravity: 9.81, masses: [0.8, unknown], lengths: unknown}\n"
-    "mass: {kind: known, values: [0.1, 0, 0, 0.2, 0, 0]}\n"
+    "mass: {kind: known, values: [0.1, 0.2]}\n"
     "damping: diagonal\n";
 static const char machine_of_an_arm[] =
     "coordinates: [{name: p, kind: angle, velocity: vp}, {name: q, kind: angle, velocity: vq}]\n"

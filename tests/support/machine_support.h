@@ -136,6 +136,15 @@ static inline uint32_t fitting_values(const lg_machine *machine, const lg_machin
     return machine->velocities;
 }
 
+/* The mass of a direction is one number. */
+static inline void same_mass_of_directions(const lg_machine *machine, double *values) {
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[i].kind);
+        if (row->directions > 0) values[1] = values[2] = values[0];
+        values += row->velocities;
+    }
+}
+
 /* A machine with a mass, a potential and a term of this kind. */
 static inline lg_machine machine_with(const lg_term_kind *kind, lg_machine_part part) {
     lg_machine machine = all_coordinates();
@@ -155,6 +164,7 @@ static inline lg_machine machine_with(const lg_term_kind *kind, lg_machine_part 
         see_everything(&machine, term, (options & LG_TERM_MOVING) != 0, part == LG_MACHINE_RESIDUAL);
     if ((options & LG_TERM_KNOWN) != 0)
         add_values(term, fitting_values(&machine, term), some_values(fitting_values(&machine, term)));
+    if (part == LG_MACHINE_MASS && term->value_count > 0) same_mass_of_directions(&machine, term->values);
     if (part != LG_MACHINE_INPUT_MAP) add_term(&machine, LG_MACHINE_INPUT_MAP, "constant");
     assert_machine(&machine);
     return machine;

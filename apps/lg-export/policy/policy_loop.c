@@ -242,10 +242,9 @@ static void add_loop(export_loop *l, golden *g) {
     lg_text_add_named(to, source->options->name, export_fragment_text("test_closed"));
     source->further_size = PATHS * j->state;
     lg_text_add(&source->further_row,
-                "    {\"closed loop\", run_loop, loop_golden_x, loop_golden_y, %zu, %zu, 1, %.17g, "
+                "    {\"closed loop\", run_loop, loop_golden_x, loop_golden_y, %zu, %zu, %.17g, "
                 "outputs_of_loop},\n",
-                source->further_size, source->further_size,
-                g->tolerance / (20 * export_eps(source->options)));
+                source->further_size, source->further_size, g->tolerance);
 }
 
 void export_policy_loop(export_policy_job *j) {

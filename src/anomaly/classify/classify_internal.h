@@ -48,6 +48,10 @@ lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, siz
 /* Checks convolutions that were read from a file. Returns NULL, or what is wrong with their table. */
 const char *lg_rocket_check(const lg_features *features);
 
+/* Copies a tree into depth-first order, left before right. A node with cut[i] becomes a leaf, and the nodes
+ * below it are dropped. cut = NULL copies all nodes. */
+lg_status lg_tree_compact(const lg_context *context, const lg_tree *tree, const bool *cut, lg_tree *out);
+
 /* Number of features for the kind, channels and window length in *features. */
 uint64_t lg_features_count(const lg_features *features);
 

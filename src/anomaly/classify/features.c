@@ -33,10 +33,6 @@ static const char *after(const char *text, const char *start) {
     return strncmp(text, start, length) == 0 ? text + length : NULL;
 }
 
-static bool is_x(const lg_series *series, uint32_t channel) {
-    return has_names(series) ? ends_in(series->channel_name[channel], "_x") : channel % 2 == 0;
-}
-
 /* Returns the moment channel that belongs to the acceleration `channel`, or UINT32_MAX if there is none.
  * Channels without names are taken as two acceleration sensors (x, y each), followed by the moments (x,
  * y). */
@@ -53,7 +49,8 @@ static uint32_t moment_of(const lg_series *series, uint32_t channel) {
 
 static void choose_channels(const lg_series *series, bool directions_x, lg_features *f) {
     for (uint32_t i = 0; i < series->channels; i++) {
-        if (directions_x && !is_x(series, i)) continue;
+        const bool x = has_names(series) ? ends_in(series->channel_name[i], "_x") : i % 2 == 0;
+        if (directions_x && !x) continue;
         f->select[f->selected++] = i;
         const uint32_t moment = f->segments > 0 ? moment_of(series, i) : UINT32_MAX;
         if (moment == UINT32_MAX) continue;

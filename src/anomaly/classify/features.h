@@ -33,7 +33,24 @@ extern const lg_feature_row lg_feature_raw, lg_feature_std, lg_feature_cov, lg_f
 lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, bool directions_x,
                             const lg_series *series, uint32_t length, const lg_scaler *scaler,
                             lg_features *out, lg_error *error);
+
+/* ---- random convolutions ---- */
+
+enum {
+    LG_ROCKET_TAPS = 9,
+    LG_ROCKET_CHOICES = 84, /* ways to choose 3 of 9: kernels whose weights add up to 0 */
+    LG_ROCKET_KERNELS = 96  /* the others have nine weights of 1 */
+};
+
 void lg_rocket_destroy(const lg_context *context, lg_rocket *rocket);
+/* Doubles of work memory; valid as soon as the convolutions are listed. */
+size_t lg_rocket_work_doubles(const lg_features *features);
+/* Computes a convolution of the window x (channels, length). *y becomes its samples, in `work`, and *unit the
+ * unit of its thresholds. Returns the number of samples, or 0 if a number is not finite. */
+size_t lg_rocket_values(const lg_features *features, const lg_rocket_convolution *convolution,
+                        const uint32_t *channel, const float *x, double *work, float **y, double *unit);
+
+/* ---- parts of all kinds ---- */
 
 /* z (length) becomes (x - mean of x)/scale. Returns the standard deviation of z with the divisor `length`. */
 double lg_centre(const float *x, size_t length, double scale, double *z);

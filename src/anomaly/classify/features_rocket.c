@@ -4,7 +4,7 @@
  * Work memory, in floats: the scaled channels (m, length + 2 margin), zero outside of the window; the sums of
  * their nine taps (m, length); one convolution (length, and a vector beyond). The margin is four times the
  * largest dilation, so that a tap never lies outside of the memory. */
-#include "anomaly/classify/rocket.h"
+#include "anomaly/classify/features.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -2,76 +2,67 @@
 #include "anomaly/classify/classify_internal.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "liegrad/series.h"
 
 typedef struct search {
     const lg_context *context;
     const lg_classifier_options *options;
-    size_t count; /* number of options */
-    uint32_t folds;
+    size_t count;   /* number of options */
+    uint32_t folds; /* 1: all rows are for training and for testing */
     const double *x;
     const uint32_t *label, *unit; /* labels and units of the table's rows; unit may be NULL */
     const uint32_t *chosen;
     size_t rows;
     uint32_t d, classes;
-    uint32_t *fold;    /* (rows) fold of each chosen row */
-    double *part;      /* (count, folds) accuracy of each option in each fold */
-    lg_status *status; /* (count, folds) */
-    lg_error *error;   /* (count, folds) */
+    uint32_t *fold;  /* (rows) fold of each chosen row */
+    double *part;    /* (count, folds) accuracy of each option in each fold */
+    lg_error *error; /* (count, folds) */
 } search;
 
-/* Collects the table rows that fold `fold` is tested on (`test`), or the rows that it is trained on. Without
- * folds (fewer than 2) all rows are used for both. Returns their number. */
+/* Collects the table rows that fold `fold` is tested on (`test`), or the rows that it is trained on. Returns
+ * their number. */
 static size_t gather(const search *s, uint32_t fold, bool test, uint32_t *out) {
     size_t n = 0;
     for (size_t i = 0; i < s->rows; i++)
-        if (s->folds < 2 || (s->fold[i] == fold) == test) out[n++] = (uint32_t)lg_chosen_row(s->chosen, i);
+        if (s->folds == 1 || (s->fold[i] == fold) == test) out[n++] = (uint32_t)lg_chosen_row(s->chosen, i);
     return n;
-}
-
-static double accuracy_of(const search *s, const lg_classifier *c, const uint32_t *rows, size_t n,
-                          double *score, double *work) {
-    size_t right = 0;
-    for (size_t i = 0; i < n; i++) {
-        lg_classifier_score(c, s->x + (size_t)rows[i] * s->d, score, work);
-        right += lg_metrics_class(score, s->classes) == s->label[rows[i]];
-    }
-    return n > 0 ? (double)right / (double)n : NAN;
 }
 
 static lg_status try_fold(const search *s, size_t option, uint32_t fold, double *accuracy, lg_error *error) {
     LG_TRY_SCRATCH(uint32_t, rows, s->context, s->rows, LG_OUT_OF_MEMORY);
-    size_t n = gather(s, fold, false, rows);
+    size_t n = gather(s, fold, false, rows), right = 0;
     lg_classifier_options o = s->options[option];
     /* Training on a part of the rows may allow fewer components than training on all rows. */
     const size_t most = n < s->d ? n : s->d;
     if (o.components > most && most < s->rows) o.components = (uint32_t)most;
     LG_CLEAN(lg_classifier_destroy) lg_classifier c = {0};
     LG_TRY(lg_classifier_fit(s->context, &o, s->x, s->label, rows, n, s->d, s->classes, &c, error));
-    LG_TRY_SCRATCH(double, work, s->context, lg_classifier_work_size(&c) / sizeof(double) + s->classes,
+    LG_TRY_SCRATCH(double, score, s->context, lg_classifier_work_size(&c) / sizeof(double) + s->classes,
                    LG_OUT_OF_MEMORY);
     n = gather(s, fold, true, rows);
-    *accuracy = accuracy_of(s, &c, rows, n, work, work + s->classes);
+    for (size_t i = 0; i < n; i++) {
+        lg_classifier_score(&c, s->x + (size_t)rows[i] * s->d, score, score + s->classes);
+        right += lg_metrics_class(score, s->classes) == s->label[rows[i]];
+    }
+    *accuracy = n > 0 ? (double)right / (double)n : NAN;
     return LG_OK;
 }
 
 static void search_task(void *user, size_t index) {
     const search *s = user;
-    const uint32_t folds = s->folds < 2 ? 1 : s->folds;
-    s->status[index] = lg_cancelled(s->context) ? LG_CANCELLED
-                                                : try_fold(s, index / folds, (uint32_t)(index % folds),
-                                                           &s->part[index], &s->error[index]);
+    lg_error *error = &s->error[index];
+    error->status = lg_cancelled(s->context)
+                        ? LG_CANCELLED
+                        : try_fold(s, index / s->folds, (uint32_t)(index % s->folds), &s->part[index], error);
 }
 
 /* Deals the rows to the folds, of which there are at most as many as rows, or units, of the rarest class. */
 static lg_status deal(search *s, uint32_t folds, lg_error *error) {
     uint32_t rarest;
-    LG_SCRATCH(size_t, counts, s->context, s->classes);
-    LG_SCRATCH(uint32_t, label, s->context, s->rows);
-    LG_SCRATCH(uint32_t, own, s->context, s->rows);
-    if (counts == NULL || label == NULL || own == NULL) return LG_OUT_OF_MEMORY;
+    LG_TRY_SCRATCH(size_t, counts, s->context, s->classes, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(uint32_t, label, s->context, s->rows, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(uint32_t, own, s->context, s->rows, LG_OUT_OF_MEMORY);
     const uint32_t *unit = s->unit != NULL ? own : NULL;
     for (size_t i = 0; i < s->rows; i++) {
         const size_t row = lg_chosen_row(s->chosen, i);
@@ -80,7 +71,7 @@ static lg_status deal(search *s, uint32_t folds, lg_error *error) {
     }
     LG_TRY(lg_check_labels(label, s->rows, s->classes, counts, error));
     LG_TRY(lg_series_folds(s->context, label, unit, s->rows, folds, s->fold, &rarest));
-    s->folds = folds < rarest ? folds : rarest;
+    s->folds = folds < 2 ? 1 : folds < rarest ? folds : rarest;
     return s->folds == folds ? LG_OK
                              : lg_series_folds(s->context, label, unit, s->rows, s->folds, s->fold, NULL);
 }
@@ -88,23 +79,22 @@ static lg_status deal(search *s, uint32_t folds, lg_error *error) {
 /* Averages the accuracy of each option over its folds and finds the best option. An option that did not
  * converge in some fold gets NaN and is not chosen. */
 static lg_status collect(const search *s, double *accuracy, size_t *best, lg_error *error) {
-    const uint32_t folds = s->folds < 2 ? 1 : s->folds;
     size_t chosen = s->count;
-    for (size_t i = 0; i < s->count * folds; i++)
-        if (s->status[i] != LG_OK && s->status[i] != LG_NO_CONVERGENCE)
-            return lg_fail(error, s->status[i], "setting %zu: %s", i / folds,
-                           s->error[i].message[0] != '\0' ? s->error[i].message
-                                                          : lg_status_sentence(s->status[i]));
+    for (size_t i = 0; i < s->count * s->folds; i++) {
+        const lg_error *of = &s->error[i];
+        if (of->status != LG_OK && of->status != LG_NO_CONVERGENCE)
+            return lg_fail(error, of->status, "setting %zu: %s", i / s->folds,
+                           of->message[0] != '\0' ? of->message : lg_status_sentence(of->status));
+        if (of->status != LG_OK) s->part[i] = NAN;
+    }
     for (size_t o = 0; o < s->count; o++) {
-        double sum = 0.0;
-        for (uint32_t f = 0; f < folds; f++)
-            sum += s->status[o * folds + f] == LG_OK ? s->part[o * folds + f] : NAN;
-        s->part[o] = sum / folds; /* does not overwrite entries that are still needed, because o <= o folds */
-        if (!isnan(s->part[o]) && (chosen == s->count || s->part[o] > s->part[chosen])) chosen = o;
+        accuracy[o] = 0.0;
+        for (uint32_t f = 0; f < s->folds; f++) accuracy[o] += s->part[o * s->folds + f];
+        accuracy[o] /= s->folds;
+        if (!isnan(accuracy[o]) && (chosen == s->count || accuracy[o] > accuracy[chosen])) chosen = o;
     }
     if (chosen == s->count)
         return lg_fail(error, LG_NO_CONVERGENCE, "none of %zu settings converged", s->count);
-    memcpy(accuracy, s->part, s->count * sizeof *accuracy);
     *best = chosen;
     return LG_OK;
 }
@@ -116,13 +106,12 @@ static lg_status run(search *s, uint32_t folds, int threads, double *accuracy, s
     const lg_status dealt = fold != NULL ? deal(s, folds, error) : LG_OUT_OF_MEMORY;
     if (dealt == LG_OUT_OF_MEMORY) return lg_fail(error, dealt, "no memory for %zu rows", s->rows);
     LG_TRY(dealt);
-    const size_t jobs = s->count * (s->folds < 2 ? 1 : s->folds);
+    const size_t jobs = s->count * s->folds;
     LG_SCRATCH(double, part, s->context, jobs);
-    LG_SCRATCH(lg_status, status, s->context, jobs);
     LG_SCRATCH(lg_error, errors, s->context, jobs);
-    if (part == NULL || status == NULL || errors == NULL)
+    if (part == NULL || errors == NULL)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu fits", jobs);
-    s->part = part, s->status = status, s->error = errors;
+    s->part = part, s->error = errors;
     lg_thread_pool *pool = NULL;
     const lg_status made =
         lg_thread_pool_create(s->context, (size_t)threads < jobs ? threads : (int)jobs, &pool);
@@ -144,15 +133,6 @@ lg_status lg_classifier_search(const lg_context *context, const lg_classifier_op
             "%zu rows, %u features, %u classes, %d threads: cross-validation needs rows, features, "
             "two classes and a thread",
             rows, d, classes, threads);
-    search s = {.context = context,
-                .options = options,
-                .count = count,
-                .x = x,
-                .label = label,
-                .unit = unit,
-                .chosen = chosen,
-                .rows = rows,
-                .d = d,
-                .classes = classes};
+    search s = {context, options, count, 1, x, label, unit, chosen, rows, d, classes, NULL, NULL, NULL};
     return run(&s, folds, threads, accuracy, best, error);
 }

@@ -1,5 +1,5 @@
 /* Fitting and pruning of random convolution features. */
-#include "anomaly/classify/rocket.h"
+#include "anomaly/classify/features.h"
 
 #include <math.h>
 #include <stdlib.h>

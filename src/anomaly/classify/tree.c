@@ -5,7 +5,7 @@
  * tree costs O(d n). A column whose values are all equal within a node is neither searched nor partitioned
  * from that node on. Its range may then hold rows of the sibling node, which is harmless because all values
  * in the range are equal. */
-#include "anomaly/classify/tree.h"
+#include "anomaly/classify/classify_internal.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -121,17 +121,19 @@ static double between(double lower, double upper) {
     return middle >= lower && middle < upper ? middle : lower;
 }
 
-static void take(split *best, double score, uint32_t feature, uint32_t position, const item *column) {
-    if (best->found && !(score > best->score)) return;
-    *best =
-        (split){true, feature, position, between(column[position - 1].value, column[position].value), score};
+static double entropy_score(const grower *g, const uint32_t *counts, uint32_t samples) {
+    double sum = 0.0;
+    for (uint32_t k = 0; k < g->tree.classes; k++) sum += g->i_log_i[counts[k]];
+    return sum - g->i_log_i[samples];
 }
 
-/* Finds the best Gini split of a column. The score is the sum of |counts|^2/samples over both sides. (The
- * impurity of the split times the number of samples is the number of samples minus the score.) */
-static void search_gini(grower *g, const task *t, uint32_t feature, split *best) {
+/* Finds the best split of a column. The score by entropy is minus the sum of samples times impurity over both
+ * sides. The Gini score is the sum of |counts|^2/samples over both sides. (The Gini impurity of the split
+ * times the number of samples is the number of samples minus the score.) */
+static void search(grower *g, const task *t, uint32_t feature, split *best) {
     const item *column = &g->items[(size_t)feature * g->n];
     const uint32_t samples = t->last - t->first, leaf = g->options.min_samples_leaf;
+    const bool gini = g->tree.criterion == LG_GINI;
     uint32_t *left = g->left, *right = g->right;
     uint64_t left_squares = 0, right_squares = 0;
     for (uint32_t k = 0; k < g->tree.classes; k++) right_squares += (uint64_t)right[k] * right[k];
@@ -140,29 +142,10 @@ static void search_gini(grower *g, const task *t, uint32_t feature, split *best)
         left_squares += 2 * (uint64_t)left[k]++ + 1;
         right_squares -= 2 * (uint64_t)right[k]-- - 1;
         if (column[p].value == column[p + 1].value || done < leaf || samples - done < leaf) continue;
-        const double score = (double)left_squares / done + (double)right_squares / (samples - done);
-        if (!best->found || score > best->score) take(best, score, feature, p + 1, column);
-    }
-}
-
-static double entropy_score(const grower *g, const uint32_t *counts, uint32_t samples) {
-    double sum = 0.0;
-    for (uint32_t k = 0; k < g->tree.classes; k++) sum += g->i_log_i[counts[k]];
-    return sum - g->i_log_i[samples];
-}
-
-/* Finds the best entropy split of a column. The score is minus the sum of samples times impurity over both
- * sides. */
-static void search_entropy(grower *g, const task *t, uint32_t feature, split *best) {
-    const item *column = &g->items[(size_t)feature * g->n];
-    const uint32_t samples = t->last - t->first, leaf = g->options.min_samples_leaf;
-    for (uint32_t p = t->first; p + 1 < t->last; p++) {
-        const uint32_t k = column[p].label, done = p + 1 - t->first;
-        g->left[k]++;
-        g->right[k]--;
-        if (column[p].value == column[p + 1].value || done < leaf || samples - done < leaf) continue;
-        const double score = entropy_score(g, g->left, done) + entropy_score(g, g->right, samples - done);
-        take(best, score, feature, p + 1, column);
+        const double score = gini ? (double)left_squares / done + (double)right_squares / (samples - done)
+                                  : entropy_score(g, left, done) + entropy_score(g, right, samples - done);
+        if (!best->found || score > best->score)
+            *best = (split){true, feature, p + 1, between(column[p].value, column[p + 1].value), score};
     }
 }
 
@@ -178,10 +161,7 @@ static split find_split(grower *g, const task *t) {
         if (is_constant(g, t, j)) continue;
         memset(g->left, 0, classes * sizeof *g->left);
         memcpy(g->right, &g->tree.counts[(size_t)t->node * classes], classes * sizeof *g->right);
-        if (g->tree.criterion == LG_GINI)
-            search_gini(g, t, j, &best);
-        else
-            search_entropy(g, t, j, &best);
+        search(g, t, j, &best);
     }
     return best;
 }

@@ -8,8 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "anomaly/classify/tree.h"
-#include "core/clean.h"
+#include "anomaly/classify/classify_internal.h"
 
 #define NO_NODE UINT32_MAX
 

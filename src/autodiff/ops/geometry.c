@@ -130,11 +130,6 @@ static lg_status factor_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-/* Whether a pivot is positive and normal in both types. */
-static lg_scalar is_positive(lg_scalars *s, lg_scalar pivot) {
-    return lg_s(s, LG_S_GE, pivot, lg_s_constant(s, FLT_MIN));
-}
-
 /* If the matrix is not positive definite (`good` is 0), sets the diagonal of its factor to NaN. The solve
  * divides every number by a diagonal element, so all of the solution becomes NaN. NaN in other elements would
  * not suffice: where the scalar code knows a zero in advance it drops the product. */
@@ -159,7 +154,8 @@ static void factor_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
                     i == j ? a[i * k + j] : lg_s_scale(s, 0.5, lg_s_add(s, a[i * k + j], a[j * k + i]));
                 for (size_t m = 0; m < j; m++)
                     sum = lg_s_sub(s, sum, lg_s_mul(s, l[i * k + m], l[j * k + m]));
-                if (i == j) good = lg_s_mul(s, good, is_positive(s, sum));
+                if (i == j) /* whether the pivot is positive and normal in both types */
+                    good = lg_s_mul(s, good, lg_s(s, LG_S_GE, sum, lg_s_constant(s, FLT_MIN)));
                 l[i * k + j] = i == j ? lg_s(s, LG_S_SQRT, sum, sum) : lg_s_div(s, sum, l[j * k + j]);
             }
         mark_diagonal(s, k, good, l);

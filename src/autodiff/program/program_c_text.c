@@ -286,16 +286,14 @@ size_t lg_c_constant_at(const lg_c *c, size_t offset) {
     return 0;
 }
 
-static size_t elements_of(const lg_tensor_step *s, uint32_t k) {
-    return s->x[k].area == LG_AREA_NONE ? 0 : lg_shape_count(*s->shapes[k]);
-}
-
 void lg_c_collect_constants(lg_c *c, const lg_plan *plan) {
     for (size_t i = 0; i < plan->steps; i++) {
         const lg_plan_step *s = &plan->step[i];
         if (s->kind == LG_STEP_TENSOR)
             for (uint32_t k = 0; k < s->tensor.inputs; k++)
-                read_constants(c, s->tensor.x[k], elements_of(&s->tensor, k));
+                read_constants(c, s->tensor.x[k],
+                               s->tensor.x[k].area == LG_AREA_NONE ? 0
+                                                                   : lg_shape_count(*s->tensor.shapes[k]));
         if (s->kind == LG_STEP_DENSE) {
             read_constants(c, s->dense.w, s->dense.k * s->dense.n);
             read_constants(c, s->dense.b, s->dense.n);

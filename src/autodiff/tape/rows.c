@@ -28,10 +28,6 @@ static bool carries_rows(const lg_tape *tape, const lg_rows *rows, uint32_t node
            (node >= rows->range.lo && rows->kind[node - rows->range.lo] == CARRIES);
 }
 
-static bool is_shared(const lg_rows *rows, uint32_t node) {
-    return node >= rows->range.lo && rows->kind[node - rows->range.lo] == SHARED;
-}
-
 lg_rows *lg_rows_open(lg_tape *tape, lg_node_range range, lg_var theta, size_t count, double *gradient,
                       uint8_t *reach) {
     const size_t length = (size_t)range.hi - range.lo + 1;
@@ -154,7 +150,8 @@ void lg_tape_mark_rows(lg_tape *tape, lg_var leaf) {
 void lg_rows_add(lg_tape *tape, lg_rows *rows, uint32_t i, lg_var g) {
     for (uint32_t k = 0; k < tape->nodes[i].inputs && tape->status == LG_OK; k++) {
         const lg_node *node = &tape->nodes[i];
-        if (!is_shared(rows, lg_parents_of(tape, node)[k]) || lg_frozen(node, k)) continue;
+        const uint32_t parent = lg_parents_of(tape, node)[k], first = rows->range.lo;
+        if (parent < first || rows->kind[parent - first] != SHARED || lg_frozen(node, k)) continue;
         if (node->op == &lg_op_matmul && node->shape.rank == 2)
             add_product(tape, rows, node, k, lg_node_at(tape, g)->value);
         else

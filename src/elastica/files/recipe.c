@@ -377,6 +377,38 @@ lg_elastica_outside lg_elastica_count_outside(const lg_surrogate_file *file, con
     return out;
 }
 
+lg_elastica_outside lg_elastica_warn_outside(const lg_context *context, const lg_surrogate_file *file,
+                                             const double *boundary) {
+    const lg_elastica_outside beyond = lg_elastica_count_outside(file, boundary, NULL, 1);
+    if (beyond.count > 0)
+        lg_log_message(
+            context, LG_LOG_WARNING,
+            "outside the training range: the nearest boundary conditions of the training part are %.3g away, "
+            "where neighbours in the training part are at most %.3g apart, and the query lies %.3g off their "
+            "family, where they themselves lie at most %.3g off; the curve may be meaningless",
+            beyond.largest, beyond.reach, beyond.off, beyond.spread);
+    return beyond;
+}
+
+/* x is the arc length, if the network is not discrete, and then the boundary conditions. */
+static lg_status inspect(const lg_context *context, const void *from, const double *x, lg_error *error) {
+    const lg_surrogate_file *file = from;
+    const lg_surrogate *model = &file->run.model;
+    const bool along = model->options.kind != LG_SURROGATE_DISCRETE;
+    lg_elastica problem;
+    lg_elastica_init(&problem);
+    problem.length = model->length;
+    if (along && !(x[0] >= 0 && x[0] <= model->length))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "s = %.12g is outside the beam [0, %.12g]", x[0],
+                       model->length);
+    x += along;
+    memcpy(problem.q0, x, sizeof problem.q0);
+    memcpy(problem.qN, x + 4, sizeof problem.qN);
+    LG_TRY(lg_elastica_check(&problem, error));
+    (void)lg_elastica_warn_outside(context, file, x);
+    return LG_OK;
+}
+
 static void warn_of_range(const lg_training *self, const lg_surrogate_file *file,
                           const lg_elastica_outside *beyond) {
     const state *s = self->state;
@@ -443,5 +475,6 @@ const lg_trainer lg_surrogate_learner = {.data = "DATA.h5",
                                          .objective = objective,
                                          .save = save,
                                          .evaluate = evaluate,
+                                         .inspect = inspect,
                                          .release = release,
                                          .close = close_data};

@@ -22,6 +22,9 @@ typedef struct lg_elastica_outside {
 /* `chosen` (count): the rows of `boundary` to count; NULL: the first `count` rows. */
 lg_elastica_outside lg_elastica_count_outside(const lg_surrogate_file *file, const double *boundary,
                                               const uint32_t *chosen, size_t count);
+/* Warns if the boundary conditions (8) of a prediction are outside. */
+lg_elastica_outside lg_elastica_warn_outside(const lg_context *context, const lg_surrogate_file *file,
+                                             const double *boundary);
 
 /* Indices of the curves of one part, in rising order. */
 typedef struct lg_curves_part {

@@ -351,7 +351,7 @@ static lg_status judge(lg_training *self, double *theta, lg_error *error) {
                                           .guess = "a state that does not change",
                                           .error = loss,
                                           .guessed = lg_hamiltonian_unchanged(problem)};
-    lg_result_real(self, "loss", loss, "mean squared error of the predicted points");
+    lg_result_real(self, "loss", loss, "mean squared error of the predicted points, without measured starts");
     self->first_count = self->result_count;
     lg_result_whole(self, "parameters", lg_hamiltonian_parameters(problem->model), NULL);
     if (!s->newton) return LG_OK;
@@ -372,7 +372,7 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
     run->starts = LG_START_MEASURED;
     const lg_hamiltonian_problem problem = problem_of(run, data);
     LG_TRY(lg_hamiltonian_mean_squared_error(self->context, &problem, file->theta, &loss, error));
-    lg_result_real(self, "loss", loss, "mean squared error of the predicted points");
+    lg_result_real(self, "loss", loss, "mean squared error of the predicted points, without measured starts");
     lg_result_real(self, "unchanged", lg_hamiltonian_unchanged(&problem), "of a state that does not change");
     return LG_OK;
 }

@@ -194,23 +194,26 @@ static bool are_missing(const lg_machine_verdict *what, double floor) {
 /* Returns whether the model explains the logs. */
 static bool warn_of_misfit(const lg_training *self, const lg_machine_verdict *what) {
     const lg_machine_model_run *run = self->run;
-    const double floor = self->floor;
+    /* Long steps do not make a large loss acceptable, but they may be the reason for it. */
+    const double floor = self->floor, explained = fmax(what->expected, what->tolerated + floor);
     /* The loss may exceed the expected loss by half and by four standard deviations of its random
      * variation. */
     const double numbers = 2.0 * (double)run->windows * run->window * run->machine.velocities,
                  more = 1.5 + 4.0 * sqrt(2.0 / numbers);
     if (floor > what->tolerated)
-        LG_WARN(self,
-                "the integrator's steps are too long: their error makes %.2g of the loss, but the noise "
-                "leaves only %.2g; give more --substeps, otherwise the loss does not show whether the model "
-                "explains the logs",
-                floor, what->tolerated);
-    const bool large = what->loss > more * what->expected, missing = are_missing(what, floor);
+        LG_WARN(
+            self,
+            "the integrator's steps are too long: their error is %.2g in units of the loss, but noise and "
+            "small errors of the forces make only %.2g; give more --substeps, otherwise the loss does not "
+            "show whether the model explains the logs",
+            floor, what->tolerated);
+    const bool large = what->loss > more * explained, missing = are_missing(what, floor);
     char size[128] = "", forces[256] = "";
     if (large)
-        (void)lg_format(size, sizeof size,
-                        "the loss is %.2g, but their noise and the steps explain at most %.2g", what->loss,
-                        what->expected);
+        (void)lg_format(
+            size, sizeof size,
+            "the loss is %.2g, but noise, small errors of the forces and the steps explain at most %.2g",
+            what->loss, explained);
     if (missing)
         (void)lg_format(forces, sizeof forces,
                         "forces that the model lacks (functions of positions, velocities and inputs, about "
@@ -238,9 +241,9 @@ static void warn_of_floor(const lg_training *self, const lg_machine_verdict *wha
     const double floor = self->floor;
     if (what->loss > near_floor * floor || floor <= LG_MACHINE_FLOOR || floor > what->tolerated) return;
     LG_WARN(self,
-            "the loss %.2g is near %.2g, the error of the integrator with %u step%s between two rows: give "
-            "--substeps %u for a better model",
-            what->loss, floor, run->substeps, run->substeps == 1 ? "" : "s", 2 * run->substeps);
+            "the error of the integrator with %u step%s between two rows, %.2g in units of the loss, is not "
+            "small against the loss %.2g: give --substeps %u for a better model",
+            run->substeps, run->substeps == 1 ? "" : "s", floor, what->loss, 2 * run->substeps);
 }
 
 /* ---- results ---- */
@@ -321,7 +324,7 @@ static lg_status tell(lg_training *self, lg_machine_verdict *what, lg_error *err
     const lg_machine_model_run *run = self->run;
     const lg_machine *machine = &run->machine;
     lg_result_real(self, "loss", what->loss, "mean over windows and rows");
-    lg_result_real(self, "expected_loss", what->expected, "noise and steps leave at most");
+    lg_result_real(self, "expected_loss", what->expected, "of a model that explains the logs");
     lg_result_real(self, "validation", lg_training_validation(self),
                    "loss of the windows that are not trained on");
     lg_result_whole(self, "windows", run->windows, NULL);

@@ -124,10 +124,6 @@ static size_t count_parameters(const lg_machine_model_run *run, const lg_machine
     return machine->parameters + starts * (machine->positions + machine->velocities);
 }
 
-static bool ends_with_lm(const lg_fit_plan *plan) {
-    return plan->phases > 0 && plan->phase[plan->phases - 1].method == LG_FIT_LM;
-}
-
 /* Chooses the settings that are not given. docs/reports/accuracy.md has the measurements behind these
  * choices. */
 static void choose_settings(const lg_training *self) {
@@ -150,7 +146,9 @@ static void choose_settings(const lg_training *self) {
     const bool lm = lg_machine_is_small(&run->machine), dense = count_parameters(run, s) <= DENSE;
     if (!self->given(self, "optimizer"))
         (void)lg_fit_plan_parse(lm ? "lm" : dense ? "ssbroyden" : "lbfgs", true, &run->training.plan, NULL);
-    if (!self->given(self, "prior")) run->training.prior = ends_with_lm(&run->training.plan) ? 0.0 : prior;
+    const lg_fit_plan *plan = &run->training.plan;
+    const bool lm_last = plan->phases > 0 && plan->phase[plan->phases - 1].method == LG_FIT_LM;
+    if (!self->given(self, "prior")) run->training.prior = lm_last ? 0.0 : prior;
     if (!self->given(self, "epochs")) run->training.epochs = lm ? 100 : 3000;
 }
 

@@ -49,10 +49,6 @@ static bool is_chain(const char *system) {
     return strcmp(system, "pendulum-chain") == 0;
 }
 
-static bool has_reference(const char *system) {
-    return strcmp(system, "quadrotors") == 0;
-}
-
 /* Whether a parameter or a part of the state has one entry per link. */
 static bool has_links(const char *system, const char *form) {
     const lg_parameter_entry *parameter = lg_system_parameters(system, form);
@@ -146,7 +142,11 @@ static void add_parts(scene_table *table) {
 static lg_status build_table(const char *system, const char *form, scene_table *table, lg_error *error) {
     table->system = system;
     table->form = form;
-    (void)snprintf(table->title, sizeof table->title, form != NULL ? "%s (%s)" : "%s", system, form);
+    lg_append(table->title, sizeof table->title, form != NULL ? "%s (%s" : "%s", system, form);
+    for (size_t i = 0; form != NULL && form_of(system, i) != NULL; i++)
+        if (strcmp(form_of(system, i), form) != 0)
+            lg_append(table->title, sizeof table->title, "; or `form: %s`", form_of(system, i));
+    if (form != NULL) lg_append(table->title, sizeof table->title, ")");
     table->parameters = lg_system_parameters(system, form);
     table->parts = lg_system_state(system, form);
     if (is_chain(system)) {
@@ -156,7 +156,7 @@ static lg_status build_table(const char *system, const char *form, scene_table *
     }
     for (size_t i = 0; i < LG_COUNT(common_keys); i++) (void)add_key(table, "", &common_keys[i]);
     if (has_links(system, form)) table->links_at = add_key(table, "", &links_key);
-    if (has_reference(system)) (void)add_key(table, "", &reference_key);
+    if (strcmp(system, "quadrotors") == 0) (void)add_key(table, "", &reference_key);
     add_parameters(table);
     add_parts(table);
     if (table->count <= LG_SCENE_MAX_KEYS) return LG_OK;

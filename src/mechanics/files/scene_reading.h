@@ -14,7 +14,7 @@ typedef struct scene_table {
      * own_key is the key of the system's form, other_key the other one; NULL for other systems. */
     const char *own_key, *other_key;
     size_t links_at, parameters_at, parts_at, other_at; /* indices in `keys`; 0: there is no such key */
-    char title[64];                                     /* for messages: "heavy-top (direct)" */
+    char title[160];                                    /* for messages: "heavy-top (direct)" */
     size_t count;
     lg_field keys[LG_SCENE_MAX_KEYS];
     lg_key_value values[LG_SCENE_MAX_KEYS];

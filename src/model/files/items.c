@@ -93,7 +93,7 @@ static bool is_known(const lg_item *item, const void *file) {
     return item->lenient ? *(const double *)at > 0 : !isnan(*(const double *)at);
 }
 
-static lg_status put_attribute(lg_h5 *h5, const lg_item *item, const void *file, lg_error *error) {
+static lg_status put_attribute(lg_h5 *h5, const lg_item *item, void *file, lg_error *error) {
     if (!is_known(item, file)) return LG_OK;
     LG_TRY(lg_field_check(h5->path, &item->field, file, LG_INVALID_ARGUMENT, error));
     return lg_field_write(h5, &item->field, file, error);
@@ -113,29 +113,27 @@ static lg_status get_attribute(lg_h5 *h5, const lg_item *item, void *file, lg_er
 
 /* ---- all items ---- */
 
-static bool applies(const lg_recipe *kind, const lg_item *item, const void *file) {
-    return item->applies == NULL || item->applies((const char *)file + kind->file_run);
+typedef lg_status step(lg_h5 *h5, const lg_item *item, void *file, lg_error *error);
+
+static lg_status each_item(lg_h5 *h5, const lg_recipe *kind, void *file, step *attribute, step *list,
+                           lg_error *error) {
+    for (const lg_item *item = kind->items; item != NULL && item->type != LG_ITEM_END; item++) {
+        if (item->type == LG_ITEM_ATTRIBUTE)
+            LG_TRY(attribute(h5, item, file, error));
+        else if (item->name != NULL &&
+                 (item->applies == NULL || item->applies((const char *)file + kind->file_run)))
+            LG_TRY(list(h5, item, file, error));
+    }
+    return LG_OK;
 }
 
 lg_status lg_items_put(lg_h5 *h5, const lg_recipe *kind, const void *file, lg_error *error) {
-    void *only_read = (void *)(uintptr_t)file; /* lists of arrays take pointers without const */
-    for (const lg_item *item = kind->items; item != NULL && item->type != LG_ITEM_END; item++) {
-        if (item->type == LG_ITEM_ATTRIBUTE)
-            LG_TRY(put_attribute(h5, item, file, error));
-        else if (item->name != NULL && applies(kind, item, file))
-            LG_TRY(put_arrays(h5, item, only_read, error));
-    }
-    return LG_OK;
+    /* lists of arrays take pointers without const */
+    return each_item(h5, kind, (void *)(uintptr_t)file, put_attribute, put_arrays, error);
 }
 
 lg_status lg_items_get(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error) {
-    for (const lg_item *item = kind->items; item != NULL && item->type != LG_ITEM_END; item++) {
-        if (item->type == LG_ITEM_ATTRIBUTE)
-            LG_TRY(get_attribute(h5, item, file, error));
-        else if (item->name != NULL && applies(kind, item, file))
-            LG_TRY(get_arrays(h5, item, file, error));
-    }
-    return LG_OK;
+    return each_item(h5, kind, file, get_attribute, get_arrays, error);
 }
 
 void lg_items_release(const lg_context *context, const lg_recipe *kind, void *file) {

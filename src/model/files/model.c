@@ -103,27 +103,19 @@ static lg_status put_functions(lg_h5 *h5, const lg_recipe *recipe, const void *f
     return scheme != NULL ? lg_h5_put_text(h5, "functions", "scheme", scheme->name, error) : LG_OK;
 }
 
-/* Where lg_fit_save writes: the root of the file. */
-typedef struct fit_target {
-    lg_h5 *h5;
-    bool history; /* only the history is written */
-    lg_error error;
-} fit_target;
-
-static lg_status fit_array(void *user, const char *path, lg_element type, uint32_t rank, const uint64_t *dims,
-                           const void *data) {
-    static const char kept[] = "train/history/";
-    fit_target *target = user;
-    if (target->history && strncmp(path, kept, sizeof kept - 1) != 0) return LG_OK;
-    return lg_h5_put(target->h5, path, type, rank, dims, data, &target->error);
-}
-
-/* A minimiser's state is far larger than the model: only checkpoints keep it; model files keep the
- * history. */
-static lg_status put_fit(lg_h5 *h5, const lg_fit *fit, lg_error *error) {
-    fit_target target = {.h5 = h5, .history = !lg_fit_method_batches(lg_fit_method_now(fit))};
-    const lg_archive_writer writer = {.user = &target, .array = fit_array};
-    return lg_fit_save(fit, &writer, error);
+/* A minimiser's state is far larger than the model: only checkpoints keep it; model files keep the history of
+ * the fit, or without a fit that of the file. */
+static lg_status put_training(lg_h5 *h5, const lg_model_head *head, const lg_fit *fit, lg_error *error) {
+    lg_h5_view view = {.h5 = h5, .failure = &(lg_error){LG_OK, ""}};
+    const lg_archive_writer writer = lg_h5_view_writer(&view);
+    if (fit != NULL && lg_fit_method_batches(lg_fit_method_now(fit))) return lg_fit_save(fit, &writer, error);
+    const uint64_t epochs = fit != NULL ? lg_fit_epochs_done(fit) : head->epochs_done;
+    for (int i = 0; i < LG_FIT_SERIES_COUNT; i++) {
+        const double *series = fit != NULL ? lg_fit_history(fit, (lg_fit_series)i) : head->history[i];
+        if (series != NULL && (fit == NULL || epochs > 0))
+            LG_TRY(lg_h5_put(h5, series_names[i], LG_ELEMENT_F64, 1, &epochs, series, error));
+    }
+    return LG_OK;
 }
 
 static lg_status put_model(lg_h5 *h5, const lg_recipe *kind, const void *file, const lg_fit *fit,
@@ -131,7 +123,6 @@ static lg_status put_model(lg_h5 *h5, const lg_recipe *kind, const void *file, c
     slice s;
     const lg_model_head *head = file;
     const void *run = run_of(kind, file);
-    const uint64_t epochs = head->epochs_done;
     LG_TRY(lg_h5_put_header(h5, kind->name, &head->provenance, error));
     LG_TRY(lg_run_put(h5, kind, run, error));
     LG_TRY(put_space(h5, kind, run, error));
@@ -140,11 +131,7 @@ static lg_status put_model(lg_h5 *h5, const lg_recipe *kind, const void *file, c
     if (kind->put_rest != NULL) LG_TRY(kind->put_rest(h5, file, error));
     LG_TRY(lg_items_put(h5, kind, file, error));
     LG_TRY(put_functions(h5, kind, file, error));
-    if (fit != NULL) return put_fit(h5, fit, error);
-    for (size_t i = 0; i < LG_FIT_SERIES_COUNT; i++)
-        if (head->history[i] != NULL)
-            LG_TRY(lg_h5_put(h5, series_names[i], LG_ELEMENT_F64, 1, &epochs, head->history[i], error));
-    return LG_OK;
+    return put_training(h5, head, fit, error);
 }
 
 static lg_status check_saved(const char *path, const lg_recipe *kind, const void *file, lg_error *error) {

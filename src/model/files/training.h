@@ -97,6 +97,9 @@ typedef struct lg_trainer {
     /* Computes results of the model in a file on the data that were read. The run is the file's. NULL:
      * `judge` is called with the parameters of the file. */
     lg_status (*evaluate)(lg_training *self, const void *file, lg_error *error);
+    /* Rejects inputs x of a prediction by the model in a file that can have no answer (LG_INVALID_ARGUMENT),
+     * and warns of inputs outside of the training range. NULL: no range is known. */
+    lg_status (*inspect)(const lg_context *context, const void *file, const double *x, lg_error *error);
     void (*release)(lg_training *self); /* frees what prepare, hold_out and problem made; may be NULL */
     void (*close)(lg_training *self);   /* frees what read made; may be NULL */
 } lg_trainer;

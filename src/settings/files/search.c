@@ -47,6 +47,18 @@ static bool copy_text(const yaml_node_t *node, char *out, size_t size) {
     return true;
 }
 
+/* Copies a value: a scalar, or the scalars of a list, separated by commas. */
+static bool copy_value(const reading *r, const yaml_node_t *node, char *out, size_t size) {
+    const size_t count = node->type == YAML_SEQUENCE_NODE ? lg_node_length(node) : 1;
+    size_t used = 0;
+    for (size_t i = 0; i < count; i++) {
+        if (i > 0) out[used++] = ',';
+        if (!copy_text(lg_node_item(r->yaml, node, i), out + used, size - used)) return false;
+        used += strlen(out + used);
+    }
+    return count > 0;
+}
+
 /* Copies the name of an option: letters, digits, - and _, beginning with a letter. */
 static bool copy_name(const yaml_node_t *node, char out[LG_RANGE_NAME]) {
     char name[LG_RANGE_NAME];
@@ -85,7 +97,7 @@ static lg_status read_key(const reading *r, const yaml_node_t *node, size_t coun
 static lg_status read_fixed(const reading *r, const char name[LG_RANGE_NAME], const yaml_node_t *value) {
     lg_search_file *out = r->out;
     const size_t i = out->fixed_count;
-    if (!copy_text(value, out->fixed_value[i], LG_SEARCH_FIXED_TEXT))
+    if (!copy_value(r, value, out->fixed_value[i], LG_SEARCH_FIXED_TEXT))
         return LG_FAIL_AT(r->yaml, value, r->error, "%s: a value of 1 to %d bytes is expected", name,
                           LG_SEARCH_FIXED_TEXT - 1);
     memcpy(out->fixed_name[i], name, LG_RANGE_NAME);
@@ -102,7 +114,7 @@ static lg_status read_choices(const reading *r, const yaml_node_t *list, lg_rang
         if (range->choices == LG_RANGE_MAX_CHOICES)
             return LG_FAIL_AT(r->yaml, node, r->error, "%s: there are more than %d choices", range->name,
                               LG_RANGE_MAX_CHOICES);
-        if (!copy_text(node, range->choice[range->choices], LG_RANGE_NAME))
+        if (!copy_value(r, node, range->choice[range->choices], LG_RANGE_NAME))
             return LG_FAIL_AT(r->yaml, node, r->error, "%s: a choice of 1 to %d bytes is expected",
                               range->name, LG_RANGE_NAME - 1);
         range->choices++;

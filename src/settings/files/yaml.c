@@ -241,14 +241,13 @@ static lg_status read_name(const lg_yaml *yaml, const lg_field *key, const yaml_
     const char *text = lg_node_text(node, NAME_SIZE);
     if (node->type != YAML_SCALAR_NODE)
         return LG_FAIL_AT(yaml, node, error, "%s: a name is expected", key->name);
-    const char *name;
-    for (uint32_t value = 0; (name = lg_field_name(key, value)) != NULL; value++) {
-        if (text != NULL && strcmp(text, name) == 0) {
-            *out = value;
-            return LG_OK;
-        }
-        lg_name_list_add(&known, name);
+    uint32_t value;
+    if (text != NULL && lg_field_find_name(key, text, &value)) {
+        *out = value;
+        return LG_OK;
     }
+    const char *name;
+    for (value = 0; (name = lg_field_name(key, value)) != NULL; value++) lg_name_list_add(&known, name);
     return LG_FAIL_AT(yaml, node, error, "%s: '%s' is none of %s%s", key->name, shown(node, show), known.text,
                       key->hint != NULL ? key->hint : "");
 }

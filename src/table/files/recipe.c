@@ -455,6 +455,12 @@ static lg_status evaluate(lg_training *self, const void *file, lg_error *error) 
 
 static const char *const sizes[] = {"4", "8", "16", "32", "16,16", "32,32", NULL};
 
+static lg_status inspect(const lg_context *context, const void *file, const double *x, lg_error *error) {
+    (void)error;
+    lg_table_warn_outside(context, lg_table_is_outside(file, x), 1, "--initial", "the model");
+    return LG_OK;
+}
+
 const lg_trainer lg_table_learner = {.data = "TABLE",
                                      .state_size = sizeof(lg_table_state),
                                      .options = lg_table_given_rows,
@@ -468,4 +474,5 @@ const lg_trainer lg_table_learner = {.data = "TABLE",
                                      .judge = judge,
                                      .save = save,
                                      .evaluate = evaluate,
+                                     .inspect = inspect,
                                      .close = close_data};

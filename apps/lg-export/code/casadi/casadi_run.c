@@ -74,7 +74,8 @@ static int sizes_of(const function *f, casadi_int *arg, casadi_int *res, casadi_
 }
 
 static const slot *slot_at(const slot *slots, int count, casadi_int i) {
-    return i >= 0 && i < count ? &slots[i] : NULL;
+    static const slot none = {NULL, NULL, 0, NULL, 0};
+    return i >= 0 && i < count ? &slots[i] : &none;
 }
 
 /* The prototype of a function, then the beginning of its definition. */
@@ -96,20 +97,16 @@ static const slot *slot_at(const slot *slots, int count, casadi_int i) {
         return (f).outs;                                                                                     \
     }                                                                                                        \
     DEFINED(const char *symbol##_name_in(casadi_int i)) {                                                    \
-        const slot *s = slot_at((f).in, (f).ins, i);                                                         \
-        return s != NULL ? s->name : NULL;                                                                   \
+        return slot_at((f).in, (f).ins, i)->name;                                                            \
     }                                                                                                        \
     DEFINED(const char *symbol##_name_out(casadi_int i)) {                                                   \
-        const slot *s = slot_at((f).out, (f).outs, i);                                                       \
-        return s != NULL ? s->name : NULL;                                                                   \
+        return slot_at((f).out, (f).outs, i)->name;                                                          \
     }                                                                                                        \
     DEFINED(const casadi_int *symbol##_sparsity_in(casadi_int i)) {                                          \
-        const slot *s = slot_at((f).in, (f).ins, i);                                                         \
-        return s != NULL ? s->sparsity : NULL;                                                               \
+        return slot_at((f).in, (f).ins, i)->sparsity;                                                        \
     }                                                                                                        \
     DEFINED(const casadi_int *symbol##_sparsity_out(casadi_int i)) {                                         \
-        const slot *s = slot_at((f).out, (f).outs, i);                                                       \
-        return s != NULL ? s->sparsity : NULL;                                                               \
+        return slot_at((f).out, (f).outs, i)->sparsity;                                                      \
     }                                                                                                        \
     DEFINED(int symbol##_work(casadi_int *arg, casadi_int *res, casadi_int *iw, casadi_int *w)) {            \
         return sizes_of(&(f), arg, res, iw, w);                                                              \

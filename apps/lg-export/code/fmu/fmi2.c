@@ -89,8 +89,6 @@ FMI(SetupExperiment, fmi2Component c, fmi2Boolean tolerance, fmi2Real t, fmi2Rea
     return fmi2OK;
 }
 MODE(EnterInitializationMode, INSTANTIATED, INITIALIZATION)
-MODE(ExitInitializationMode, INITIALIZATION, RUNNING)
-MODE(Terminate, RUNNING, TERMINATED)
 
 /* ---- values ---- */
 
@@ -107,8 +105,6 @@ UNUSED_TYPE(String, fmi2String)
 
 /* ---- model exchange ---- */
 
-MODE(EnterEventMode, EVENT | CONTINUOUS, EVENT)
-MODE(EnterContinuousTimeMode, EVENT, CONTINUOUS)
 FMI(NewDiscreteStates, fmi2Component c, fmi2EventInfo *info) {
     ALLOW(EVENT);
     NEED(info != NULL);

@@ -87,10 +87,6 @@ FMI(EnterInitializationMode, fmi3Instance c, fmi3Boolean tolerance, fmi3Float64 
     ((instance *)c)->m.mode = INITIALIZATION;
     return fmi3OK;
 }
-MODE(ExitInitializationMode, INITIALIZATION, RUNNING)
-MODE(EnterEventMode, EVENT | CONTINUOUS, EVENT)
-MODE(Terminate, RUNNING, TERMINATED)
-MODE(EnterContinuousTimeMode, EVENT, CONTINUOUS)
 /* There are no structural parameters to configure, and no events in co-simulation. */
 MODE(EnterConfigurationMode, NEVER, ANY)
 MODE(ExitConfigurationMode, NEVER, ANY)
@@ -128,21 +124,12 @@ UNUSED_TYPE(Int64, int64_t)
 UNUSED_TYPE(UInt64, uint64_t)
 UNUSED_TYPE(Boolean, fmi3Boolean)
 UNUSED_TYPE(String, fmi3String)
-FMI(GetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, size_t sizes[], const fmi3Byte *v[],
-    size_t k) {
-    return n == 0 ? fmi3OK : fmi3Error;
-}
-FMI(SetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const size_t sizes[],
-    const fmi3Byte *const v[], size_t k) {
-    return n == 0 ? fmi3OK : fmi3Error;
-}
-FMI(GetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Boolean v[]) {
-    return n == 0 ? fmi3OK : fmi3Error;
-}
-FMI(SetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Boolean v[]) {
-    return n == 0 ? fmi3OK : fmi3Error;
-}
-
+EMPTY(GetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, size_t sizes[], const fmi3Byte *v[],
+      size_t k)
+EMPTY(SetBinary, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const size_t sizes[],
+      const fmi3Byte *const v[], size_t k)
+EMPTY(GetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Boolean v[])
+EMPTY(SetClock, fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Boolean v[])
 ALWAYS(fmi3Error, GetNumberOfVariableDependencies, fmi3Instance c, fmi3ValueReference vr, size_t *n)
 ALWAYS(fmi3Error, GetVariableDependencies, fmi3Instance c, fmi3ValueReference dependent, size_t at[],
        fmi3ValueReference of[], size_t at_of[], fmi3DependencyKind kinds[], size_t n)

@@ -11,6 +11,11 @@ FMI(Reset, void *c) {
     return FMU_OK;
 }
 
+MODE(ExitInitializationMode, INITIALIZATION, RUNNING)
+MODE(EnterEventMode, EVENT | CONTINUOUS, EVENT)
+MODE(EnterContinuousTimeMode, EVENT, CONTINUOUS)
+MODE(Terminate, RUNNING, TERMINATED)
+
 /* ---- values and derivatives ---- */
 
 FMI(SET_VALUES, void *c, const unsigned int vr[], size_t n, const double value[] COUNT(count)) {

@@ -284,6 +284,11 @@ static const char *advance(instance *i, double length) {
     FMI(name, __VA_ARGS__) {                                                                                 \
         return status;                                                                                       \
     }
+/* A function of n values of a kind that no variable has. */
+#define EMPTY(name, ...)                                                                                     \
+    FMI(name, __VA_ARGS__) {                                                                                 \
+        return n == 0 ? FMU_OK : FMU_ERROR;                                                                  \
+    }
 /* There are no variables of this type. */
 #define UNUSED_TYPE(name, type)                                                                              \
     FMI(Get##name, void *c, const unsigned int vr[], size_t n, type v[] COUNT(count)) {                      \

@@ -1,3 +1,0 @@
-int main(void) {
-    return check(EXTRA_NAME, extra, golden_extra, EXTRAS) > 0;
-}
