@@ -1,6 +1,6 @@
 /* The executable `liegrad`, which has all programs but lg-bench and lg-gradcheck. The programs' names are
- * links to it. The name by which it is started chooses the program; if that is no program's name, the first
- * argument does, `lg-fit` or `fit` (`liegrad fit train ...`). */
+ * links to it. The name by which it is started chooses the program. If this is not the name of a program, the
+ * first argument chooses it: `liegrad lg-fit train ...` or `liegrad fit train ...`. */
 #include <string.h>
 
 #include "common/app.h"

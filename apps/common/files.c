@@ -45,9 +45,16 @@ lg_status app_file_end(app_file *file, lg_error *error) {
     return status;
 }
 
+/* realpath; without memory the command ends, because another name of a file would not be found again. */
+static char *real_path(const char *path) {
+    char *real = realpath(path, NULL);
+    if (real == NULL && errno == ENOMEM) app_out_of_memory();
+    return real;
+}
+
 lg_status app_check_writable(const char *path, lg_error *error) {
     struct stat file, above;
-    APP_FREE char *folder = app_folder_of(path);
+    APP_FREE char *real = real_path(path), *folder = app_folder_of(real != NULL ? real : path);
     const bool there = stat(path, &file) == 0;
     const char *why = NULL;
     if (there && !S_ISREG(file.st_mode))
@@ -61,13 +68,6 @@ lg_status app_check_writable(const char *path, lg_error *error) {
     else if (access(folder, W_OK | X_OK) != 0)
         why = strerror(errno);
     return why == NULL ? LG_OK : lg_fail(error, LG_FILE, "%s: cannot be written: %s", path, why);
-}
-
-/* realpath; without memory the command ends, because another name of a file would not be found again. */
-static char *real_path(const char *path) {
-    char *real = realpath(path, NULL);
-    if (real == NULL && errno == ENOMEM) app_out_of_memory();
-    return real;
 }
 
 /* ---- outputs ---- */

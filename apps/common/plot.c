@@ -122,9 +122,10 @@ void app_plot_row(const app *self, const app_plot_kind *row, const void *of) {
     lg_status status = app_file_end(&script, &error);
     const bool scripted = status == LG_OK;
     if (scripted) status = draw(self, image, data_path, script_path, &error);
-    /* Without an image, an earlier one either, the data and the script are of no use. */
-    if (status != LG_OK && access(image, F_OK) != 0) (void)unlink(data_path);
-    if (status != LG_OK && access(image, F_OK) != 0 && scripted) (void)unlink(script_path);
+    /* If no image exists, not even an earlier one, the data and the script are removed, too. */
+    const bool useless = status != LG_OK && access(image, F_OK) != 0;
+    if (useless) (void)unlink(data_path);
+    if (useless && scripted) (void)unlink(script_path);
     app_must_file(self, status, &error, image);
 }
 

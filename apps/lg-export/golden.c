@@ -35,11 +35,10 @@ void export_golden_write(const export_source *source, text *to) {
         const char *id, *name, *array, *call;
         const double *values;
         size_t size;
-    } rows[] = {
-        {"value", "value", "value", "eval(x, y, work)", golden->y, out},
-        {"gradient", "gradient", "gradient", "grad(x, NULL, y, work)", golden->jacobian, all},
-        {"beside", "value beside gradient", "value", "grad(x, y, other, work)", golden->jacobian, out},
-        {"extra", golden->extra_name, "extra", "extra(x, y, work)", golden->extra, golden->extras}};
+    } rows[] = {{"value", "value", "value", "eval(x, y, work)", golden->y, out},
+                {"gradient", "gradient", "gradient", "grad(x, NULL, y, work)", golden->jacobian, all},
+                {"both", "value with gradient", "value", "grad(x, y, other, work)", golden->jacobian, out},
+                {"extra", golden->extra_name, "extra", "extra(x, y, work)", golden->extra, golden->extras}};
     text table = app_text();
     size_t largest = 0;
     export_test_begin(source, golden->count, to);

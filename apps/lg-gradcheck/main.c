@@ -36,7 +36,7 @@ static bool wanted(const lg_gradcheck_case *row) {
     return false;
 }
 
-/* Returns the first wanted row whose number is *at or more, or NULL if there is none. */
+/* Returns the first wanted row from row *at on, or NULL. *at becomes the number of the row that follows. */
 static const lg_gradcheck_case *next_row(size_t *at) {
     const lg_gradcheck_case *row = lg_gradcheck_case_at((*at)++);
     while (row != NULL && !wanted(row)) row = lg_gradcheck_case_at((*at)++);

@@ -70,8 +70,8 @@ typedef struct result {
     lg_statistics *states;       /* (points, columns) */
     lg_statistics *times;        /* (1, events); NULL without events */
     uint64_t failed[STATUSES];   /* number of failed members by status */
-    uint64_t left,
-        lost; /* members that leave the manifold, and whose energy changes too much; not in files */
+    uint64_t left;               /* members that leave the manifold; not in files */
+    uint64_t lost;               /* members whose energy changes too much; not in files */
     /* (listed): number and status of the failed members with the lowest numbers; when they failed */
     uint64_t who[LISTED][2];
     double when[LISTED];

@@ -307,7 +307,7 @@ typedef lg_status (*lg_monitor_judge)(void *user, const float *x, uint32_t missi
 typedef struct lg_verdict {
     uint64_t window;       /* number of the window: 0, 1, ... */
     uint64_t first_sample; /* number of its first sample in the feed */
-    bool judged;           /* false: too much was lost; `answer` and `score` then have no meaning */
+    bool judged;           /* false: too many samples were lost, and `answer` and `score` have no meaning */
     lg_answer answer;
     double score;
     uint32_t missing; /* number of samples of the window that were not received or not finite */
@@ -336,9 +336,9 @@ LG_API lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_j
  *   - A gap of at most `bridge` samples is filled by straight lines as soon as the next sample is received.
  *   - A longer gap, and a gap that is still open when a window is complete, gets the last value received.
  *   - Samples lost at the beginning of the feed get the value of the first sample received.
- * Before the first sample is received no window is judged, whatever `missing` allows. Does not allocate or
- * lock (unless the judge does). Returns the status of the judge. If it is not LG_OK, *ready and *verdict are
- * untouched and the window has no vote; pushing may go on. */
+ * Before the first sample is received no window is judged, whatever `missing` allows. Only the judge may
+ * allocate memory or lock. The function returns the status of the judge. If it is not LG_OK, *ready and
+ * *verdict do not change, and the window has no vote; the next sample may be pushed. */
 LG_API lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready, lg_verdict *verdict);
 
 /* ---- a drilling riser ----

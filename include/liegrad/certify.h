@@ -237,7 +237,7 @@ LG_API lg_status lg_certify_attitude(const double *A, double damping, lg_certify
  * V is below 3.996 k the angle is below pi; by LaSalle's theorem motions converge to Q = 1. The inputs
  * u_l = -g_l.(k_p z + k_d w) give this torque while they stay within their limits: the level is the largest
  * c up to 3.996 k at which |g_l.z| <= |g_l| |z| and |g_l.w|^2 <= g_l.J^-1 g_l 2 (c - Phi) prove |u_l| <=
- * limit_l. The form of the loop is the caller's statement. */
+ * limit_l. The caller states the form of the loop; it is not checked. */
 typedef struct lg_certify_rotation_spec {
     size_t size;        /* sizeof(lg_certify_rotation_spec) */
     double J[9];        /* (3, 3) symmetric, positive definite */

@@ -24,8 +24,8 @@
  * variable that starts at 0 gets a unit that changes f (in lg_least_squares: r) by about its own size, as its
  * derivative tells. If that derivative is zero too, it gets the unit of the largest of the other variables. A
  * start value below 1e-15, in its own unit, counts as 0 if its product with the derivative is at most 1e-15
- * of f (or r). If all variables start at 0 and all derivatives are zero, the units are 1; the method leaves a
- * maximum at such a start only if f bends on a scale between 1e-9 and 1e9.
+ * of f (or r). If all variables start at 0 and all derivatives are zero, the units are 1; the method then
+ * leaves a maximum only if the length over which f changes is between 1e-9 and 1e9.
  *
  * Verification of a minimum. It is done with options.check and without ranks, when no step lowers f, when
  * many steps have lowered it only little, or when g is zero. For n <= 200 (L-BFGS: n up to about 2 memory) it

@@ -353,8 +353,8 @@ LG_API void lg_policy_trainer_destroy(lg_policy_trainer *trainer);
  * lg_policy_evaluate of the copy shows what a difference between machine and model does. The regulator and
  * theta are the policy's. The integrator takes so many steps in a period that its error stays below
  * 1e-6. The inputs of the plant act `dead_time` (inputs) seconds late; NULL: the dead times of the policy.
- * The controller does not know the new plant: it still uses the dead time and the lag of its own model, also
- * under disturbances. The policy must outlive the copy.
+ * The controller does not know the new plant: it uses the dead time and the lag of the policy's plant, with
+ * and without disturbances. The policy must outlive the copy.
  * Errors: those of lg_policy_create, LG_UNSUPPORTED (other dead times of a plant without velocities). */
 LG_API lg_status lg_policy_transplant(const lg_policy *policy, lg_program *plant, const double *dead_time,
                                       lg_policy **out, lg_error *error);

@@ -275,7 +275,7 @@ LG_API const char *lg_search_sampler_name(uint32_t sampler);
  * - low above high, a bound that is not finite, or a bound that is not positive in a logarithmic range
  * - bounds of an integer range that are not whole or are beyond 2^53
  * - no choice, more than LG_RANGE_MAX_CHOICES choices, or the same choice twice
- * - a name or choice that is empty or too long, or has a double quote or a control character */
+ * - a name or choice that is empty, too long, or contains a double quote or a control character */
 LG_API lg_status lg_search_space_check(const lg_search_space *space, lg_error *error);
 
 /* The handle by which a running trial talks to its search. */

@@ -146,8 +146,8 @@ lg_var lg_policy_filled(lg_tape *tape, lg_var x, uint32_t n, double value);
 
 /* ---- functions of the program (policy_program.c) ---- */
 
-/* Begins the recording (lg_record_function) of a function of the policy p. The body sets `out`. The recording
- * fails if an operation of the tape has failed. */
+/* Begins the definition of a function for lg_program_add (`user` is the policy p). Its body sets `out`; the
+ * function returns the status of the tape. */
 #define LG_POLICY_RECORDING(function)                                                                        \
     static void function##_of(const lg_policy *p, lg_tape *tape, const lg_var *theta, const lg_var *in,      \
                               lg_var *out);                                                                  \

@@ -217,15 +217,21 @@ static lg_status make(const lg_context *context, const char *target, bool folder
     return lg_cannot_write(target, code, error);
 }
 
-/* A symbolic link to a file stays, and the file is replaced. */
+/* The file that is replaced: the one to which a link leads, or the target. NULL without memory. */
+static char *destination(const char *target) {
+    char *real = realpath(target, NULL);
+    return real != NULL || errno == ENOMEM ? real : strdup(target);
+}
+
 lg_status lg_temporary_create(const lg_context *context, const char *target, bool folder, lg_temporary *out,
                               lg_error *error) {
     LG_NEEDS(error, target, out);
     LG_TRY(lg_refuse_own_name(target, error));
     if (lg_is_lost_link(target))
         return lg_fail(error, LG_FILE, "%s: cannot be written: " LG_LOST_LINK, lg_shown_path(target));
-    char *real = folder ? NULL : realpath(target, NULL);
-    const lg_status status = make(context, real != NULL ? real : target, folder, out, error);
+    char *real = folder ? strdup(target) : destination(target);
+    const lg_status status =
+        real != NULL ? make(context, real, folder, out, error) : lg_no_memory_for(target, error);
     free(real);
     return status;
 }
@@ -257,13 +263,11 @@ lg_status lg_temporary_publish(lg_temporary *temporary, const char *target, lg_e
     LG_NEEDS(error, temporary, target);
     int code = lg_sync(temporary->fd);
     if (code == 0) code = close_copy(temporary->fd);
-    char *real = realpath(target, NULL);
-    const char *name = real != NULL ? real : target;
-    if (code == 0 && rename(temporary->name, name) != 0) code = errno;
-    if (code == 0) sync_folder(name);
+    char *real = destination(target);
+    if (code == 0 && (real == NULL || rename(temporary->name, real) != 0)) code = errno;
+    if (code == 0) sync_folder(real);
     free(real);
-    if (code == 0) return LG_OK;
-    return lg_cannot_write(target, code, error);
+    return code == 0 ? LG_OK : lg_cannot_write(target, code, error);
 }
 
 void lg_temporary_end(lg_temporary *temporary) {

@@ -1101,7 +1101,7 @@ TEST("a search finds the better width") {
     assert_true(cli_exists("trials.csv"));
 }
 
-TEST("an option of adam that no trial reads is refused, and the best command has none that it ignores") {
+TEST("a search rejects an option that no trial reads, and its best command omits what it ignores") {
     need_tables();
     cli_write("plan.yaml", "ranges:\n  optimizer: {choice: [lm, adam]}\nfixed: {epochs: 2, lr: 1e-9}\n");
     cli_expect(fit, "search plan.yaml smooth.csv --sampler grid --trials 2 --out plan.csv", 0,

@@ -9,7 +9,7 @@ typedef struct search {
     const lg_context *context;
     const lg_classifier_options *options;
     size_t count;   /* number of options */
-    uint32_t folds; /* 1: all rows are for training and for testing */
+    uint32_t folds; /* 1: the models are trained and tested on all rows */
     const double *x;
     const uint32_t *label, *unit; /* labels and units of the table's rows; unit may be NULL */
     const uint32_t *chosen;
@@ -99,28 +99,6 @@ static lg_status collect(const search *s, double *accuracy, size_t *best, lg_err
     return LG_OK;
 }
 
-static lg_status run(search *s, uint32_t folds, int threads, double *accuracy, size_t *best,
-                     lg_error *error) {
-    LG_SCRATCH(uint32_t, fold, s->context, s->rows);
-    s->fold = fold;
-    const lg_status dealt = fold != NULL ? deal(s, folds, error) : LG_OUT_OF_MEMORY;
-    if (dealt == LG_OUT_OF_MEMORY) return lg_fail(error, dealt, "no memory for %zu rows", s->rows);
-    LG_TRY(dealt);
-    const size_t jobs = s->count * s->folds;
-    LG_SCRATCH(double, part, s->context, jobs);
-    LG_SCRATCH(lg_error, errors, s->context, jobs);
-    if (part == NULL || errors == NULL)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu fits", jobs);
-    s->part = part, s->error = errors;
-    lg_thread_pool *pool = NULL;
-    const lg_status made =
-        lg_thread_pool_create(s->context, (size_t)threads < jobs ? threads : (int)jobs, &pool);
-    if (made != LG_OK) return lg_fail(error, made, "%d threads could not be started", threads);
-    lg_thread_pool_run(pool, jobs, search_task, s);
-    lg_thread_pool_destroy(pool);
-    return collect(s, accuracy, best, error);
-}
-
 lg_status lg_classifier_search(const lg_context *context, const lg_classifier_options *options, size_t count,
                                uint32_t folds, const double *x, const uint32_t *label, const uint32_t *unit,
                                const uint32_t *chosen, size_t rows, uint32_t d, uint32_t classes, int threads,
@@ -133,6 +111,29 @@ lg_status lg_classifier_search(const lg_context *context, const lg_classifier_op
             "%zu rows, %u features, %u classes, %d threads: cross-validation needs rows, features, "
             "two classes and a thread",
             rows, d, classes, threads);
-    search s = {context, options, count, 1, x, label, unit, chosen, rows, d, classes, NULL, NULL, NULL};
-    return run(&s, folds, threads, accuracy, best, error);
+    search s = {.context = context,
+                .options = options,
+                .count = count,
+                .x = x,
+                .label = label,
+                .unit = unit,
+                .chosen = chosen,
+                .rows = rows,
+                .d = d,
+                .classes = classes};
+    LG_TRY_SCRATCH(uint32_t, fold, context, rows, lg_no_memory(error));
+    s.fold = fold;
+    const lg_status dealt = deal(&s, folds, error);
+    if (dealt != LG_OK) return dealt == LG_OUT_OF_MEMORY ? lg_no_memory(error) : dealt;
+    const size_t jobs = count * s.folds;
+    LG_TRY_SCRATCH(double, part, context, jobs, lg_no_memory(error));
+    LG_TRY_SCRATCH(lg_error, errors, context, jobs, lg_no_memory(error));
+    s.part = part, s.error = errors;
+    lg_thread_pool *pool = NULL;
+    const lg_status made =
+        lg_thread_pool_create(context, (size_t)threads < jobs ? threads : (int)jobs, &pool);
+    if (made != LG_OK) return lg_fail(error, made, "%d threads could not be started", threads);
+    lg_thread_pool_run(pool, jobs, search_task, &s);
+    lg_thread_pool_destroy(pool);
+    return collect(&s, accuracy, best, error);
 }
