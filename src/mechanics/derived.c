@@ -5,17 +5,12 @@
  *   M v + N l = P,  N^T v = 0,
  * which makes H = P.v - v.M v/2 - l.N^T v + V stationary in v and l. So the derivatives of H by the state are
  * its partial derivatives with v and l fixed, and the bracket of the space gives the field
- * (lg_bracket_rate). Fields and energies run as plans. */
+ * (lg_bracket_rate). */
 #include <pthread.h>
 #include <string.h>
 
-#include "autodiff/program/program.h"
-#include "core/core.h"
-#include "integrators/taped_internal.h"
 #include "mechanics/engine.h"
 #include "mechanics/system.h"
-
-enum { FIELD, VALUE, FUNCTIONS };
 
 /* A state: pairs of a position and its momentum, and what the energies see. */
 typedef struct state {
@@ -38,32 +33,26 @@ static int kind_of(const state *s, size_t part) {
 }
 
 /* `copied`: the parts are copies, by which H can be differentiated alone. */
-static state state_of(lg_tape *tape, const lg_system *system, const lg_var *parts, lg_var parameters,
-                      bool copied) {
-    const lg_space *space = &system->space;
-    state s = {.tape = tape, .row = system->row->energy, .parts = lg_taped_parts(space)};
-    s.rows = lg_var_shape(tape, parts[0]).dims[0];
-    for (size_t i = 0; i < s.parts; i++) s.y[i] = parts[i];
-    if (s.parts == 1) { /* R^2n: q before p */
-        const uint32_t n = (uint32_t)space->dim / 2;
-        s.y[0] = lg_slice(tape, parts[0], 1, 0, n);
-        s.y[1] = lg_slice(tape, parts[0], 1, n, n);
-        s.parts = 2;
+static void open_state(lg_tape *tape, const lg_system *system, const lg_var *parts, lg_var parameters,
+                       bool copied, state *s) {
+    const uint32_t n = (uint32_t)system->space.dim / 2;
+    size_t seen = 0;
+    *s = (state){.tape = tape, .row = system->row->energy, .parts = lg_taped_parts(&system->space)};
+    s->rows = lg_var_shape(tape, parts[0]).dims[0];
+    memcpy(s->y, parts, s->parts * sizeof *parts);
+    if (s->parts == 1) { /* R^2n: q before p */
+        s->y[0] = lg_slice(tape, parts[0], 1, 0, n);
+        s->y[1] = lg_slice(tape, parts[0], 1, n, n);
+        s->parts = 2;
     }
-    for (size_t i = 0; i < s.parts; i++) {
-        if (copied) s.y[i] = lg_scale(tape, s.y[i], 1.0);
-        if (i % 2 == 1) s.size += width_of(&s, i);
+    for (size_t i = 0; i < s->parts; i++) {
+        if (copied) s->y[i] = lg_scale(tape, s->y[i], 1.0);
+        if (i % 2 == 1) s->size += width_of(s, i);
     }
-    s.at = (lg_at){.rows = s.rows, .size = s.size, .parameters = parameters};
-    return s;
-}
-
-static void see(state *s) {
-    size_t count = 0;
     for (int kind = 0; kind < 3; kind++)
         for (size_t i = 0; i < s->parts; i += 2)
-            if (kind_of(s, i) == kind) s->seen[count++] = s->y[i];
-    s->at.state = s->seen;
+            if (kind_of(s, i) == kind) s->seen[seen++] = s->y[i];
+    s->at = (lg_at){.rows = s->rows, .size = s->size, .parameters = parameters, .state = s->seen};
 }
 
 /* P (B, size, 1). */
@@ -130,102 +119,34 @@ static lg_var energy(const state *s, lg_var v, lg_var multipliers) {
     return s->row->potential == NULL ? H : lg_add(s->tape, H, s->row->potential(s->tape, &s->at));
 }
 
-static lg_var record_energy(lg_tape *tape, const lg_system *system, const lg_var *parts, lg_var parameters,
+/* H of the state that is opened in *out. */
+static lg_var record_energy(const lg_system *system, lg_tape *tape, const lg_var *parts, lg_var parameters,
                             bool copied, state *out) {
-    state s = state_of(tape, system, parts, parameters, false);
+    state s;
     lg_var multipliers;
-    see(&s);
+    open_state(tape, system, parts, parameters, false, &s);
     const lg_var v = velocities(&s, &multipliers);
-    *out = state_of(tape, system, parts, parameters, copied);
-    see(out);
+    open_state(tape, system, parts, parameters, copied, out);
     return energy(out, v, multipliers);
 }
 
-static lg_status taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
-                       lg_var parameters, lg_var *algebra) {
+static lg_var taped_energy(const lg_system *system, lg_tape *tape, const lg_var *y, lg_var parameters) {
+    state s;
+    return record_energy(system, tape, y, parameters, false, &s);
+}
+
+LG_TAPED_FIELD(taped) {
     state s;
     lg_var dH[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS];
-    const lg_var H = record_energy(tape, system, y, parameters, true, &s);
+    const lg_var H = record_energy(system, tape, y, numbers, true, &s);
     LG_TRY(lg_grad(tape, lg_sum(tape, H), s.y, s.parts, dH));
     for (size_t i = 0; i < s.parts; i += 2) {
         out[i] = lg_bracket_rate(tape, s.y + i, dH + i);
         out[i + 1] = lg_bracket_change(tape, s.y + i, dH + i);
     }
     if (lg_taped_parts(&system->space) == 1) out[0] = lg_concat(tape, out, 2, 1);
-    for (size_t i = 0; i < lg_taped_parts(&system->space); i++) algebra[i] = out[i];
+    memcpy(algebra, out, lg_taped_parts(&system->space) * sizeof *out);
     return lg_tape_status(tape);
-}
-
-/* ---- plans ---- */
-
-static lg_status record(const lg_system *system, bool field, lg_tape *tape, const lg_var *in, lg_var *out) {
-    lg_var parts[LG_TAPED_MAX_PARTS], algebra[LG_TAPED_MAX_PARTS];
-    state s;
-    LG_TRY(lg_taped_split(tape, &system->space, in[0], parts));
-    if (field) {
-        LG_TRY(taped(system, tape, (lg_taped_time){0}, parts, LG_NONE, in[1], algebra));
-        out[0] = lg_taped_join_algebra(tape, &system->space, algebra);
-    } else {
-        out[0] = record_energy(tape, system, parts, in[1], false, &s);
-    }
-    return lg_tape_status(tape);
-}
-
-static lg_status record_field(void *user, lg_tape *tape, const lg_var *parameters, const lg_var *in,
-                              lg_var *out) {
-    return record(user, true, tape, in, out);
-}
-
-static lg_status record_value(void *user, lg_tape *tape, const lg_var *parameters, const lg_var *in,
-                              lg_var *out) {
-    return record(user, false, tape, in, out);
-}
-
-lg_status lg_derived_create(lg_system *system) {
-    const lg_port in[2] = {{.name = "y", .shape = lg_shape1((uint32_t)system->space.dim), .high = 1},
-                           {.name = "parameters",
-                            .shape = lg_shape1((uint32_t)system->parameter_count),
-                            .shared = true,
-                            .low = 0.5,
-                            .high = 1}},
-                  out[FUNCTIONS] = {{.name = "algebra"}, {.name = "energy"}};
-    const lg_function_spec functions[FUNCTIONS] = {{"field", in, 2, &out[0], 1, record_field, system},
-                                                   {"energy", in, 2, &out[1], 1, record_value, system}};
-    lg_program *program;
-    system->derived[FIELD] = system->derived[VALUE] = NULL;
-    LG_TRY(lg_program_of(system->context, functions, FUNCTIONS, &program, NULL));
-    lg_status status = lg_plan_create(program, FIELD, NULL, &system->derived[FIELD], NULL);
-    if (status == LG_OK) status = lg_plan_create(program, VALUE, NULL, &system->derived[VALUE], NULL);
-    lg_program_destroy(program);
-    return status;
-}
-
-/* Doubles of work: that of a plan begins at a multiple of 64 bytes. */
-size_t lg_derived_work(const lg_system *system) {
-    size_t most = 0;
-    for (int i = 0; i < FUNCTIONS && system->row->energy != NULL; i++) {
-        const size_t bytes = lg_plan_work_size(system->derived[i]) + 64;
-        most = bytes > most ? bytes : most;
-    }
-    return most / sizeof(double);
-}
-
-static void evaluate(const lg_system *system, int function, const double *y, double *out, double *work) {
-    const uintptr_t from = ((uintptr_t)work + 63) & ~(uintptr_t)63;
-    lg_plan_eval(system->derived[function], (const void *[]){y, system->parameters}, (void *[]){out},
-                 (void *)from);
-}
-
-static lg_status field(void *user, double t, const double *y, const double *input, double *out) {
-    const lg_system_user *own = user;
-    evaluate(own->system, FIELD, y, out, own->work);
-    return LG_OK;
-}
-
-static double energy_of(const lg_system *system, size_t index, const double *y, double *work) {
-    double out;
-    evaluate(system, VALUE, y, &out, work);
-    return out;
 }
 
 /* ---- rows ---- */
@@ -236,15 +157,6 @@ static struct made {
     lg_state_entry state[7];
     lg_system_row row;
 } made[LG_COUNT(energies)];
-
-/* Adds a position and its momentum, `copies` of each, and their factors. */
-static void add_pair(struct made *m, const lg_state_entry *both, const lg_space_factor *factor) {
-    size_t s = 0, f = 0;
-    while (m->state[s].key != NULL) s++;
-    while (m->row.factor[f].count > 0) f++;
-    memcpy(m->state + s, both, 2 * sizeof *both);
-    memcpy(m->row.factor + f, factor, (factor[1].count > 0 ? 2 : 1) * sizeof *factor);
-}
 
 static void make_row(const lg_energy_row *energy, struct made *m) {
     static const char *const invariants[] = {"energy", NULL};
@@ -257,19 +169,28 @@ static void make_row(const lg_energy_row *energy, struct made *m) {
                              .parameters = energy->parameters,
                              .state = m->state,
                              .invariants = invariants,
-                             .invariant = energy_of,
+                             .invariant = lg_recorded_energy,
                              .structure = LG_STRUCTURE_HAMILTONIAN,
-                             .field = {field, NULL},
-                             .taped = taped};
-    const lg_state_entry turning[2] = {{"R", c, 3, 3, 0, 9, lg_row_attitude},
-                                       {"pi", c, 1, 3, 9 * c, 3, NULL}},
-                         pointing[2] = {{"q", k, 1, 3, 12 * c, 6, NULL}, {"p", k, 1, 3, 12 * c + 3, 6, NULL}},
-                         moving[2] = {{at > 0 ? "x" : "q", 1, 1, n, at, n, NULL},
-                                      {at > 0 ? "px" : "p", 1, 1, n, at + n, n, NULL}};
-    if (c > 0) add_pair(m, turning, (lg_space_factor[2]){{LG_SPACE_SO3, c}, {LG_SPACE_RN, 3 * c}});
-    if (k > 0) add_pair(m, pointing, (lg_space_factor[2]){{LG_SPACE_TS2, k}});
-    if (n > 0 && at > 0) add_pair(m, moving, (lg_space_factor[2]){{LG_SPACE_RN, n}, {LG_SPACE_RN, n}});
-    if (n > 0 && at == 0) add_pair(m, moving, (lg_space_factor[2]){{LG_SPACE_RN, 2 * n}});
+                             .taped_energy = taped_energy,
+                             LG_RECORDED(taped)};
+    lg_state_entry *part = m->state;
+    lg_space_factor *factor = m->row.factor;
+    if (c > 0) {
+        *part++ = (lg_state_entry){"R", c, 3, 3, 0, 9, lg_row_attitude};
+        *part++ = (lg_state_entry){"pi", c, 1, 3, 9 * c, 3, NULL};
+        *factor++ = (lg_space_factor){LG_SPACE_SO3, c};
+        *factor++ = (lg_space_factor){LG_SPACE_RN, 3 * c};
+    }
+    if (k > 0) {
+        *part++ = (lg_state_entry){"q", k, 1, 3, 12 * c, 6, NULL};
+        *part++ = (lg_state_entry){"p", k, 1, 3, 12 * c + 3, 6, NULL};
+        *factor++ = (lg_space_factor){LG_SPACE_TS2, k};
+    }
+    if (n == 0) return;
+    *part++ = (lg_state_entry){at > 0 ? "x" : "q", 1, 1, n, at, n, NULL};
+    *part = (lg_state_entry){at > 0 ? "px" : "p", 1, 1, n, at + n, n, NULL};
+    *factor++ = (lg_space_factor){LG_SPACE_RN, at > 0 ? n : 2 * n};
+    if (at > 0) *factor = (lg_space_factor){LG_SPACE_RN, n};
 }
 
 static void make_rows(void) {

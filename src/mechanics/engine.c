@@ -63,6 +63,19 @@ lg_var lg_bracket_change(lg_tape *tape, const lg_var *y, const lg_var *dH) {
                   lg_reshape(tape, carried, lg_var_shape(tape, y[1])));
 }
 
+/* ---- bodies ---- */
+
+lg_var lg_row_matrices(lg_tape *tape, lg_var R) {
+    const lg_shape shape = lg_var_shape(tape, R);
+    return lg_reshape(tape, R, lg_shape3(shape.dims[0] * shape.dims[1], 3, 3));
+}
+
+lg_var lg_body_velocity(lg_tape *tape, lg_var inertia, lg_var R, lg_var pi) {
+    const lg_shape line = lg_shape3(lg_var_shape(tape, pi).dims[0], 1, 3);
+    const lg_var body = lg_matmul(tape, lg_reshape(tape, pi, line), R);
+    return lg_matmul_nt(tape, lg_div(tape, body, inertia), R);
+}
+
 /* ---- rows ---- */
 
 const double lg_row_attitude[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};

@@ -32,6 +32,14 @@ lg_var lg_bracket_change(lg_tape *tape, const lg_var *y, const lg_var *dH);
 /* sum_j a_j x b_j over the columns of matrices a and b (B, c, 9), as (B, 3 c). */
 lg_var lg_columns_crossed(lg_tape *tape, lg_var a, lg_var b);
 
+/* ---- bodies ---- */
+
+/* Rotations (B, c, 9) as matrices (B c, 3, 3). */
+lg_var lg_row_matrices(lg_tape *tape, lg_var R);
+/* R I^-1 R^T pi, (B, 1, 3), of the momenta pi (B, 1, 3) or (B, 3) in the inertial frame, with R (B, 3, 3) and
+ * the principal moments of inertia I (3). */
+lg_var lg_body_velocity(lg_tape *tape, lg_var inertia, lg_var R, lg_var pi);
+
 /* ---- rows ---- */
 
 /* The table of rows (mechanics/system.c), ended by NULL. */

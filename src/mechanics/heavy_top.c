@@ -27,14 +27,8 @@
  */
 #include "mechanics/system.h"
 
-#include <float.h>
-
+#include "liegrad/geometry.h"
 #include "mechanics/engine.h"
-#include "mechanics/fields/scalars.h"
-
-#include "mechanics/fields/plain.inc"
-
-#include "mechanics/fields/rotations.inc"
 
 static const double inertia_fallback[3] = {0.234375, 0.46875, 0.234375}, mass_fallback = 15.0,
                     length_fallback = 2.0, chi_fallback[3] = {0.0, 1.0, 0.0},
@@ -53,6 +47,24 @@ static const lg_parameter_entry parameters[] = {
     {.key = NULL},
 };
 
+/* Offsets in the parameters. */
+enum { INERTIA = 0, MASS = 3, LENGTH = 4, CHI = 5, GAMMA0 = 8 };
+/* Offsets in the states: Q, pi and p in (Q, pi, q, p), Gamma and Pi. */
+enum { ATTITUDE = 0, MOMENTUM = 9, SHIFT = 15, GAMMA = 0, BODY_MOMENTUM = 3 };
+
+/* M l chi - shift; NULL: M l chi. */
+static void arm_of(const double *p, const double *shift, double *arm) {
+    for (int c = 0; c < 3; c++) arm[c] = p[MASS] * p[LENGTH] * p[CHI + c] - (shift != NULL ? shift[c] : 0.0);
+}
+
+/* The same on a tape, (3), or (B, 1, 3) with a shift. */
+static lg_var taped_arm(lg_tape *tape, lg_var numbers, lg_var shift) {
+    const lg_var scale =
+        lg_mul(tape, lg_slice(tape, numbers, 0, MASS, 1), lg_slice(tape, numbers, 0, LENGTH, 1));
+    const lg_var arm = lg_mul(tape, scale, lg_slice(tape, numbers, 0, CHI, 3));
+    return lg_is_none(shift) ? arm : lg_sub(tape, arm, shift);
+}
+
 /* ---- (Q, pi): the state of cotangent and direct, and the first part of the state of quadratic ---- */
 
 static const lg_state_entry spatial_state[] = {
@@ -63,20 +75,41 @@ static const lg_state_entry spatial_state[] = {
 
 static const char *const spatial_invariants[] = {"energy", "pi.Gamma0", NULL};
 
-static double spatial_energy(const field_at *f, vector arm) {
-    const matrix Q = matrix_state(f, ATTITUDE);
-    const vector gamma = v_turned_back(f, Q, v_parameter(f, GAMMA0));
-    return body_energy(f, v_turned_back(f, Q, v_state(f, MOMENTUM))) + v_dot(f, gamma, arm);
+static double spatial_energy(const double *p, const double *y, const double *arm) {
+    double gamma[3], momentum[3];
+    lg_so3_coadjoint(y + ATTITUDE, p + GAMMA0, gamma);
+    lg_so3_coadjoint(y + ATTITUDE, y + MOMENTUM, momentum);
+    return lg_body_energy(p + INERTIA, momentum) + lg_dot3(gamma, arm);
 }
 
 static double spatial_invariant(const lg_system *system, size_t index, const double *y, double *work) {
-    const field_at f = {.parameter = system->parameters, .y = y};
-    if (index > 0) return v_dot(&f, v_state(&f, MOMENTUM), v_parameter(&f, GAMMA0));
-    return spatial_energy(&f, weight_arm(&f));
+    double arm[3];
+    if (index > 0) return lg_dot3(y + MOMENTUM, system->parameters + GAMMA0);
+    arm_of(system->parameters, NULL, arm);
+    return spatial_energy(system->parameters, y, arm);
 }
 
-LG_PLAIN_FIELD(direct)
-LG_PLAIN_FIELD(cotangent)
+/* omega and tau, or tau - omega x pi for the cotangent bundle, with the torque tau = Gamma0 x Q arm. */
+static lg_status spatial(lg_tape *tape, const lg_var *y, lg_var numbers, lg_var arm, bool cotangent,
+                         lg_var *algebra) {
+    const lg_shape line = lg_shape3(lg_var_shape(tape, y[0]).dims[0], 1, 3);
+    const lg_var Q = lg_row_matrices(tape, y[0]), pi = lg_reshape(tape, y[1], line),
+                 omega = lg_body_velocity(tape, lg_slice(tape, numbers, 0, INERTIA, 3), Q, pi);
+    const lg_var gamma0 = lg_broadcast_to(tape, lg_slice(tape, numbers, 0, GAMMA0, 3), line);
+    lg_var f = lg_cross(tape, gamma0, lg_matmul_nt(tape, lg_broadcast_to(tape, arm, line), Q));
+    if (cotangent) f = lg_sub(tape, f, lg_cross(tape, omega, pi));
+    algebra[0] = omega;
+    algebra[1] = lg_reshape(tape, f, lg_var_shape(tape, y[1]));
+    return lg_tape_status(tape);
+}
+
+LG_TAPED_FIELD(direct) {
+    return spatial(tape, y, numbers, taped_arm(tape, numbers, LG_NONE), false, algebra);
+}
+
+LG_TAPED_FIELD(cotangent) {
+    return spatial(tape, y, numbers, taped_arm(tape, numbers, LG_NONE), true, algebra);
+}
 
 /* ---- cotangent, direct ---- */
 
@@ -86,7 +119,7 @@ const lg_system_row lg_system_row_top_cotangent = {
     .form = "cotangent",
     .factor = {{LG_SPACE_SE3, 1}},
     .invariant = spatial_invariant,
-    LG_FIELDS(cotangent),
+    LG_RECORDED(cotangent),
     SPATIAL,
 };
 
@@ -94,13 +127,11 @@ const lg_system_row lg_system_row_top_direct = {
     .form = "direct",
     .factor = {{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}},
     .invariant = spatial_invariant,
-    LG_FIELDS(direct),
+    LG_RECORDED(direct),
     SPATIAL,
 };
 
 /* ---- lie-poisson ---- */
-
-enum { GAMMA = 0 }; /* offset in the state */
 
 static const lg_state_entry poisson_state[] = {
     {"Gamma", 1, 1, 3, GAMMA, 3, NULL},
@@ -111,13 +142,19 @@ static const lg_state_entry poisson_state[] = {
 static const char *const poisson_invariants[] = {"energy", "|Gamma|^2", "Gamma.Pi", NULL};
 
 static double poisson_invariant(const lg_system *system, size_t index, const double *y, double *work) {
-    const field_at f = {.parameter = system->parameters, .y = y};
-    const vector gamma = v_state(&f, GAMMA), momentum = v_state(&f, BODY_MOMENTUM);
-    if (index > 0) return v_dot(&f, gamma, index == 1 ? gamma : momentum);
-    return body_energy(&f, momentum) + v_dot(&f, gamma, weight_arm(&f));
+    const double *gamma = y + GAMMA, *momentum = y + BODY_MOMENTUM;
+    double arm[3];
+    if (index > 0) return lg_dot3(gamma, index == 1 ? gamma : momentum);
+    arm_of(system->parameters, NULL, arm);
+    return lg_body_energy(system->parameters + INERTIA, momentum) + lg_dot3(gamma, arm);
 }
 
-LG_PLAIN_FIELD(poisson)
+LG_TAPED_FIELD(poisson) {
+    const lg_var force = lg_neg(tape, taped_arm(tape, numbers, LG_NONE));
+    algebra[0] = lg_neg(tape, lg_div(tape, y[1], lg_slice(tape, numbers, 0, INERTIA, 3)));
+    algebra[1] = lg_broadcast_to(tape, force, lg_var_shape(tape, y[1]));
+    return lg_tape_status(tape);
+}
 
 const lg_system_row lg_system_row_top_lie_poisson = {
     .form = "lie-poisson",
@@ -125,7 +162,7 @@ const lg_system_row lg_system_row_top_lie_poisson = {
     .factor = {{LG_SPACE_SE3_DUAL, 1}},
     .invariants = poisson_invariants,
     .invariant = poisson_invariant,
-    LG_FIELDS(poisson),
+    LG_RECORDED(poisson),
     TOP,
 };
 
@@ -133,18 +170,28 @@ const lg_system_row lg_system_row_top_lie_poisson = {
 
 /* The invariant "energy" is H - |p|^2/2, which is the energy of the other forms. */
 static double quadratic_invariant(const lg_system *system, size_t index, const double *y, double *work) {
-    const field_at f = {.parameter = system->parameters, .y = y};
-    return index > 0 ? spatial_invariant(system, index, y, work) : spatial_energy(&f, quadratic_arm(&f));
+    double arm[3];
+    arm_of(system->parameters, y + SHIFT, arm);
+    return index > 0 ? spatial_invariant(system, index, y, work) : spatial_energy(system->parameters, y, arm);
 }
 
 /* H, the energy plus the constant |p|^2/2. */
 static double quadratic_generating(const lg_system *system, const double *y, double *work) {
-    const field_at f = {.parameter = system->parameters, .y = y};
-    const vector arm = quadratic_arm(&f);
-    return spatial_energy(&f, arm) + 0.5 * v_dot(&f, arm, arm);
+    double arm[3];
+    arm_of(system->parameters, y + SHIFT, arm);
+    return spatial_energy(system->parameters, y, arm) + 0.5 * lg_dot3(arm, arm);
 }
 
-LG_PLAIN_FIELD(quadratic)
+LG_TAPED_FIELD(quadratic) {
+    const lg_shape line = lg_shape3(lg_var_shape(tape, y[0]).dims[0], 1, 3);
+    const lg_var shift = lg_reshape(tape, lg_slice(tape, y[2], 1, 3, 3), line),
+                 arm = taped_arm(tape, numbers, shift),
+                 gamma0 = lg_broadcast_to(tape, lg_slice(tape, numbers, 0, GAMMA0, 3), line);
+    const lg_var gamma = lg_matmul(tape, gamma0, lg_row_matrices(tape, y[0]));
+    const lg_var change[2] = {lg_neg(tape, lg_add(tape, arm, gamma)), lg_full(tape, line, 0.0)};
+    algebra[2] = lg_reshape(tape, lg_concat(tape, change, 2, 2), lg_var_shape(tape, y[2]));
+    return spatial(tape, y, numbers, arm, true, algebra);
+}
 
 const lg_system_row lg_system_row_top_quadratic = {
     .form = "quadratic",
@@ -152,7 +199,7 @@ const lg_system_row lg_system_row_top_quadratic = {
     .factor = {{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 6}},
     .invariant = quadratic_invariant,
     .generating = quadratic_generating,
-    LG_FIELDS(quadratic),
+    LG_RECORDED(quadratic),
     SPATIAL,
 };
 

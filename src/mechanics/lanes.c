@@ -31,14 +31,16 @@ INLINE lanes field_positive(lanes x) {
 }
 
 #include "mechanics/fields/chain_numbers.inc"
-#include "mechanics/fields/plain.inc"
 #include "mechanics/fields/vectors.inc"
 
 #include "mechanics/fields/chain.inc"
 #include "mechanics/fields/chain_hamiltonian.inc"
 #include "mechanics/fields/chain_lagrangian.inc"
 #include "mechanics/fields/oscillators.inc"
-#include "mechanics/fields/rotations.inc"
+
+#define FIELD_ON_LANES
+#define FIELD_NUMBER(x) lie_all(x)
+#include "mechanics/fields/written.inc"
 
 #define SEPARABLE(name, n)                                                                                   \
     INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
@@ -53,7 +55,7 @@ SEPARABLE(coupled, 2)
  * generator of the LIE field, on one copy of `kind` followed by R^n; an algebra element has m numbers. */
 #define BODY(name, m, kind)                                                                                  \
     INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
-        name##_of(&(field_at){problem->parameter, y, out, 0.0, NULL});                                       \
+        name##_field(y, problem->parameter, NULL, out, NULL);                                                \
     }                                                                                                        \
     INLINE void name##_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {              \
         lanes a[m];                                                                                          \
@@ -62,12 +64,12 @@ SEPARABLE(coupled, 2)
         const size_t own = lane_kinds[kind].algebra, at = lane_kinds[kind].state;                            \
         memcpy(out + at, a + own, ((m)-own) * sizeof *a);                                                    \
     }
-BODY(momentum, 3, LG_SPACE_SO3_DUAL)
-BODY(attitude, 6, LG_SPACE_SO3)
-BODY(direct, 6, LG_SPACE_SO3)
-BODY(cotangent, 6, LG_SPACE_SE3)
-BODY(poisson, 6, LG_SPACE_SE3_DUAL)
-BODY(quadratic, 12, LG_SPACE_SE3)
+BODY(rigid_body, 3, LG_SPACE_SO3_DUAL)
+BODY(rigid_body_attitude, 6, LG_SPACE_SO3)
+BODY(heavy_top_direct, 6, LG_SPACE_SO3)
+BODY(heavy_top_cotangent, 6, LG_SPACE_SE3)
+BODY(heavy_top_lie_poisson, 6, LG_SPACE_SE3_DUAL)
+BODY(heavy_top_quadratic, 12, LG_SPACE_SE3)
 
 INLINE void write_lie(const lanes *y, const lanes *a, lanes *out) {
     const lanes along = field_dot(y, a);
@@ -102,7 +104,7 @@ CLASSICAL_LOOP(oscillator_lanes, 2)
 CLASSICAL_LOOP(quartic_lanes, 4)
 CLASSICAL_LOOP(coupled_lanes, 4)
 CLASSICAL_LOOP(pendulum_ambient_lanes, 6)
-CLASSICAL_LOOP(momentum_ambient_lanes, 3)
+CLASSICAL_LOOP(rigid_body_ambient_lanes, 3)
 
 static void classical_loop(lane_run *r) {
     lane_run_members(r, 1, LANE_CLASSICAL, r->dim, r->field);
@@ -134,12 +136,12 @@ static const lane_entry entries[] = {
      pendulum_ambient_lanes_loop},
     {"pendulum-chain", "lagrangian", 0, {lagrangian_lie_lanes, lagrangian_ambient_lanes}, NULL},
     {"pendulum-chain", "hamiltonian", 0, {hamiltonian_lie_lanes, hamiltonian_ambient_lanes}, NULL},
-    {"rigid-body", NULL, 0, {momentum_lanes, momentum_ambient_lanes}, momentum_ambient_lanes_loop},
-    {"rigid-body-attitude", NULL, 0, {attitude_lanes, attitude_ambient_lanes}, NULL},
-    {"heavy-top", "cotangent", 0, {cotangent_lanes, cotangent_ambient_lanes}, NULL},
-    {"heavy-top", "direct", 0, {direct_lanes, direct_ambient_lanes}, NULL},
-    {"heavy-top", "lie-poisson", 0, {poisson_lanes, poisson_ambient_lanes}, NULL},
-    {"heavy-top", "quadratic", 0, {quadratic_lanes, quadratic_ambient_lanes}, NULL},
+    {"rigid-body", NULL, 0, {rigid_body_lanes, rigid_body_ambient_lanes}, rigid_body_ambient_lanes_loop},
+    {"rigid-body-attitude", NULL, 0, {rigid_body_attitude_lanes, rigid_body_attitude_ambient_lanes}, NULL},
+    {"heavy-top", "cotangent", 0, {heavy_top_cotangent_lanes, heavy_top_cotangent_ambient_lanes}, NULL},
+    {"heavy-top", "direct", 0, {heavy_top_direct_lanes, heavy_top_direct_ambient_lanes}, NULL},
+    {"heavy-top", "lie-poisson", 0, {heavy_top_lie_poisson_lanes, heavy_top_lie_poisson_ambient_lanes}, NULL},
+    {"heavy-top", "quadratic", 0, {heavy_top_quadratic_lanes, heavy_top_quadratic_ambient_lanes}, NULL},
 };
 
 static const lane_entry *entry_of(const lg_lane_plan *plan) {

@@ -34,26 +34,13 @@
  * payload, CDC 2013; Celledoni, Cokaj, Leone, Murari, Owren: Lie group integrators for mechanical systems
  * (2022).
  */
+#include "mechanics/engine.h"
 #include "mechanics/system.h"
 
-#include <float.h>
-
-#include "mechanics/engine.h"
-#include "mechanics/fields/scalars.h"
-
-#include "mechanics/fields/plain.inc"
-
-/* For a double only. */
-#define n_time_after(f, begin) ((f)->t - (begin))
-#define n_root(f, a)           sqrt(a)
-#define n_cosine(f, a)         cos(a)
-#define n_sine(f, a)           sin(a)
-#define n_positive(f, a)       field_positive(a)
-#define v_second(f, a)         ((a).y)
-
-#include "mechanics/fields/rotations.inc"
-
-#include "mechanics/fields/quadrotors.inc"
+/* Offsets in the parameters. */
+enum { INERTIA = 0, PAYLOAD = 3, MASSES = 4, LENGTHS = 6, GRAVITY = 8, KX = 9, KV, KQ, KW, BETA, KR, KOMEGA };
+/* Offsets in the state: each link has q (3) and omega (3); with attitudes, each body R (9) and Omega (3). */
+enum { POSITION = 0, VELOCITY = 3, LINK = 6, LINK_SIZE = 6, BODY = 18, RATE = 9, BODY_SIZE = 12 };
 
 static const double inertia_fallback[3] = {0.0820, 0.0845, 0.1377}, payload_fallback = 0.4,
                     masses_fallback[2] = {0.755, 0.755}, lengths_fallback[2] = {0.6, 0.8},
@@ -98,7 +85,155 @@ static const lg_state_entry attitudes_state[] = {
     {.key = NULL},
 };
 
-LG_PLAIN_FIELD(quadrotors)
+/* Vectors are (B, 1, 3), or (B, 2, 3) for the two links; numbers (1), (1, 2, 1) or (B, 2, 1). */
+typedef struct flight {
+    lg_tape *tape;
+    lg_var numbers, q, w;
+    uint32_t rows;
+} flight;
+
+static lg_var number(const flight *f, uint32_t at) {
+    return lg_slice(f->tape, f->numbers, 0, at, 1);
+}
+
+/* One number for each link. */
+static lg_var each(const flight *f, uint32_t at) {
+    return lg_reshape(f->tape, lg_slice(f->tape, f->numbers, 0, at, 2), lg_shape3(1, 2, 1));
+}
+
+static lg_var axis(const flight *f, int i) {
+    const double unit[3] = {i == 0, i == 1, i == 2};
+    return lg_broadcast_to(f->tape, lg_input_f64(f->tape, lg_shape1(3), unit), lg_shape3(f->rows, 1, 3));
+}
+
+static lg_var both(const flight *f, lg_var x) {
+    return lg_broadcast_to(f->tape, x, lg_shape3(f->rows, 2, 3));
+}
+
+/* G z with G = [q_1 q_2], where z (B, 2, 1) solves (G^T G + more) z = r; NaN if this matrix is not positive
+ * definite. */
+static lg_var in_plane(const flight *f, lg_var more, lg_var r, lg_var *z) {
+    const lg_var gram = lg_matmul_nt(f->tape, f->q, f->q);
+    *z = lg_spd_solve(f->tape, lg_is_none(more) ? gram : lg_add(f->tape, gram, more), r);
+    return lg_matmul_tn(f->tape, *z, f->q);
+}
+
+/* *out = x/|x| and its time derivative *dout; dx is the time derivative of x. */
+static void normalise(lg_tape *tape, lg_var x, lg_var dx, lg_var *out, lg_var *dout) {
+    const lg_var length = lg_sqrt(tape, lg_rownorm2(tape, x));
+    *out = lg_div(tape, x, length);
+    const lg_var along = lg_mul(tape, lg_rowdot(tape, *out, dx), *out);
+    *dout = lg_div(tape, lg_sub(tape, dx, along), length);
+}
+
+/* cos(beta) near +- sin(beta) side */
+static lg_var spread(const flight *f, lg_var near, lg_var side) {
+    static const double signs[2] = {1.0, -1.0};
+    lg_tape *tape = f->tape;
+    const lg_var beta = number(f, BETA), sign = lg_input_f64(tape, lg_shape3(1, 2, 1), signs);
+    return lg_add(tape, lg_mul(tape, lg_cos(tape, beta), near),
+                  lg_mul(tape, sign, lg_mul(tape, lg_sin(tape, beta), side)));
+}
+
+/* c_i, the angular accelerations that the control law asks for. */
+static lg_var wanted_acceleration(const flight *f, lg_var A, lg_var dA) {
+    lg_tape *tape = f->tape;
+    lg_var d, dd, n, dn;
+    normalise(tape, lg_neg(tape, A), lg_neg(tape, dA), &d, &dd);
+    const lg_var y = lg_slice(tape, d, 2, 1, 1), dy = lg_slice(tape, dd, 2, 1, 1);
+    normalise(tape, lg_sub(tape, axis(f, 1), lg_mul(tape, y, d)),
+              lg_neg(tape, lg_add(tape, lg_mul(tape, dy, d), lg_mul(tape, y, dd))), &n, &dn);
+    const lg_var qd = spread(f, d, lg_cross(tape, n, d));
+    const lg_var dqd = spread(f, dd, lg_add(tape, lg_cross(tape, dn, d), lg_cross(tape, n, dd)));
+    const lg_var wd = lg_cross(tape, qd, dqd), spin = lg_rowdot(tape, f->q, wd);
+    const lg_var error = lg_sub(tape, f->w, lg_sub(tape, wd, lg_mul(tape, spin, f->q)));
+    const lg_var back = lg_add(tape, lg_mul(tape, number(f, KQ), lg_cross(tape, qd, f->q)),
+                               lg_mul(tape, number(f, KW), error));
+    return lg_neg(tape, lg_add(tape, back, lg_mul(tape, spin, lg_cross(tape, f->w, f->q))));
+}
+
+static lg_var unit(lg_tape *tape, lg_var x) {
+    return lg_div(tape, x, lg_sqrt(tape, lg_rownorm2(tape, x)));
+}
+
+/* Writes R Omega and Omega' of a quadrotor, whose parts of the state are y. Returns the thrust that acts where
+ * w is asked for. */
+static lg_var steered(const flight *f, const lg_var *y, lg_var w, lg_var *algebra) {
+    lg_tape *tape = f->tape;
+    const lg_shape line = lg_shape3(f->rows, 1, 3), column = lg_shape3(f->rows, 3, 1);
+    const lg_var R = lg_row_matrices(tape, y[0]), rate = lg_reshape(tape, y[1], line);
+    const lg_var third = unit(tape, lg_neg(tape, w)), second = unit(tape, lg_cross(tape, third, axis(f, 0))),
+                 first = lg_cross(tape, second, third);
+    const lg_var columns[3] = {lg_reshape(tape, first, column), lg_reshape(tape, second, column),
+                               lg_reshape(tape, third, column)};
+    const lg_var wanted = lg_reshape(tape, lg_concat(tape, columns, 3, 2), lg_var_shape(tape, y[0])),
+                 turn = lg_reshape(tape, lg_columns_crossed(tape, wanted, y[0]), line);
+    const lg_var error = lg_matmul(tape, turn, R); /* 2 e_R */
+    const lg_var back = lg_add(tape, lg_mul(tape, lg_scale(tape, number(f, KR), 0.5), error),
+                               lg_mul(tape, number(f, KOMEGA), rate));
+    const lg_var slowing = lg_neg(tape, lg_div(tape, back, lg_slice(tape, f->numbers, 0, INERTIA, 3))),
+                 up = lg_reshape(tape, lg_slice(tape, R, 2, 2, 1), line);
+    algebra[0] = lg_matmul_nt(tape, rate, R);
+    algebra[1] = lg_reshape(tape, slowing, lg_var_shape(tape, y[1]));
+    return lg_mul(tape, lg_rowdot(tape, w, up), up);
+}
+
+/* Adds to x and omega_i' what the thrusts lack that act along the bodies. */
+static void add_attitudes(const flight *f, const lg_var *y, lg_var A, lg_var share, lg_var *x, lg_var *turn,
+                          lg_var *algebra) {
+    lg_tape *tape = f->tape;
+    const lg_var m = each(f, MASSES), mL = lg_mul(tape, m, each(f, LENGTHS)), payload = number(f, PAYLOAD);
+    const lg_var force = lg_add(tape, lg_mul(tape, m, lg_rowdot(tape, f->q, both(f, A))),
+                                lg_mul(tape, mL, lg_rownorm2(tape, f->w)));
+    const lg_var along = lg_mul(tape, lg_add(tape, force, lg_mul(tape, payload, share)), f->q);
+    const lg_var asked =
+        lg_sub(tape, lg_mul(tape, mL, *turn), lg_mul(tape, m, lg_cross(tape, f->q, both(f, *x))));
+    const lg_var thrust = lg_add(tape, along, lg_cross(tape, f->q, asked));
+    lg_var z, acting[2];
+    for (uint32_t i = 0; i < 2; i++)
+        acting[i] = steered(f, y + 2 * i, lg_slice(tape, thrust, 1, i, 1), algebra + 2 * i);
+    const lg_var lack = lg_sub(tape, lg_concat(tape, acting, 2, 1), thrust);
+    const lg_var more = lg_mul(tape, lg_unit_matrix(tape, 2), lg_div(tape, payload, m));
+    const lg_var dx = in_plane(f, more, lg_div(tape, lg_rowdot(tape, f->q, lack), m), &z);
+    const lg_var moved = lg_cross(tape, f->q, lg_sub(tape, lg_mul(tape, m, both(f, dx)), lack));
+    *turn = lg_add(tape, *turn, lg_div(tape, moved, mL));
+    *x = lg_add(tape, *x, dx);
+}
+
+/* e and e' at time t. */
+static void follow(const flight *f, lg_taped_time t, lg_var position, lg_var velocity, lg_var *e,
+                   lg_var *de) {
+    lg_tape *tape = f->tape;
+    t.value -= 2.5;
+    const lg_var s = lg_reshape(tape, lg_taped_time_rows(tape, t, f->rows), lg_shape3(f->rows, 1, 1)),
+                 e1 = axis(f, 0), e3 = axis(f, 2);
+    const lg_var height = lg_add_scalar(tape, lg_square(tape, s), -7.0);
+    *e = lg_sub(tape, position, lg_add(tape, lg_mul(tape, s, e1), lg_mul(tape, height, e3)));
+    *de = lg_sub(tape, velocity, lg_add(tape, e1, lg_mul(tape, lg_scale(tape, s, 2.0), e3)));
+}
+
+/* (v, v'), then (omega_i, q_i x omega_i') of the links, then with attitudes (R_i Omega_i, Omega_i'). */
+LG_TAPED_FIELD(quadrotors) {
+    const flight f = {tape, numbers, y[1], y[2], lg_var_shape(tape, y[0]).dims[0]};
+    const lg_shape line = lg_shape3(f.rows, 1, 3);
+    const lg_var position = lg_reshape(tape, lg_slice(tape, y[0], 1, POSITION, 3), line),
+                 velocity = lg_reshape(tape, lg_slice(tape, y[0], 1, VELOCITY, 3), line), e3 = axis(&f, 2);
+    lg_var e, de, share;
+    follow(&f, t, position, velocity, &e, &de);
+    const lg_var kx = number(&f, KX), kv = number(&f, KV), a = lg_scale(tape, e3, 2.0),
+                 down = lg_mul(tape, number(&f, GRAVITY), e3);
+    const lg_var pulled = lg_sub(tape, lg_sub(tape, a, lg_mul(tape, kx, e)), lg_mul(tape, kv, de)),
+                 A = lg_sub(tape, pulled, down);
+    lg_var x = in_plane(&f, LG_NONE, lg_rowdot(tape, f.q, both(&f, A)), &share);
+    const lg_var slowing = lg_mul(tape, kv, lg_sub(tape, lg_add(tape, x, down), a));
+    lg_var turn = wanted_acceleration(&f, A, lg_neg(tape, lg_add(tape, lg_mul(tape, kx, de), slowing)));
+    if (system->space.factors > 2) add_attitudes(&f, y + 3, A, share, &x, &turn, algebra + 3);
+    const lg_var first[2] = {velocity, lg_add(tape, x, down)};
+    algebra[0] = lg_reshape(tape, lg_concat(tape, first, 2, 2), lg_var_shape(tape, y[0]));
+    algebra[1] = f.w;
+    algebra[2] = lg_cross(tape, f.q, turn);
+    return lg_tape_status(tape);
+}
 
 const lg_system_row lg_system_row_quadrotors = {
     .name = "quadrotors",
@@ -107,7 +242,7 @@ const lg_system_row lg_system_row_quadrotors = {
     .state = links_state,
     .factor = {{LG_SPACE_RN, 6}, {LG_SPACE_TS2, 2}},
     .vectors = 1 << 0,
-    LG_FIELDS(quadrotors),
+    LG_RECORDED(quadrotors),
 };
 
 const lg_system_row lg_system_row_quadrotor_bodies = {
@@ -122,5 +257,5 @@ const lg_system_row lg_system_row_quadrotor_bodies = {
                {LG_SPACE_SO3, 1},
                {LG_SPACE_RN, 3}},
     .vectors = 1 << 0 | 1 << 3 | 1 << 5,
-    LG_FIELDS(quadrotors),
+    LG_RECORDED(quadrotors),
 };

@@ -12,12 +12,8 @@
 
 #include <float.h>
 
+#include "liegrad/geometry.h"
 #include "mechanics/engine.h"
-#include "mechanics/fields/scalars.h"
-
-#include "mechanics/fields/plain.inc"
-
-#include "mechanics/fields/rotations.inc"
 
 static const double inertia_fallback[3] = {1.0, 2.0, 3.0};
 
@@ -26,6 +22,10 @@ static const lg_parameter_entry parameters[] = {
     {.key = NULL},
 };
 
+double lg_body_energy(const double *I, const double *x) {
+    return 0.5 * (x[0] * x[0] / I[0] + x[1] * x[1] / I[1] + x[2] * x[2] / I[2]);
+}
+
 /* ---- body momentum ---- */
 
 static const lg_state_entry momentum_state[] = {{"mu", 1, 1, 3, 0, 3, NULL}, {.key = NULL}};
@@ -33,11 +33,16 @@ static const lg_state_entry momentum_state[] = {{"mu", 1, 1, 3, 0, 3, NULL}, {.k
 static const char *const momentum_invariants[] = {"energy", "|mu|^2", NULL};
 
 static double momentum_invariant(const lg_system *system, size_t index, const double *y, double *work) {
-    const field_at f = {.parameter = system->parameters, .y = y};
-    return index == 0 ? body_energy(&f, v_state(&f, 0)) : v_dot(&f, v_state(&f, 0), v_state(&f, 0));
+    return index == 0 ? lg_body_energy(system->parameters, y) : lg_dot3(y, y);
 }
 
-LG_PLAIN_FIELD(momentum)
+LG_TAPED_FIELD(momentum) {
+    const lg_var mu = y[0], velocity = lg_div(tape, mu, numbers);
+    const lg_var square = lg_add_scalar(tape, lg_rowdot(tape, mu, mu), DBL_MIN);
+    const lg_var along = lg_div(tape, lg_rowdot(tape, mu, velocity), square);
+    algebra[0] = lg_sub(tape, lg_mul(tape, along, mu), velocity);
+    return lg_tape_status(tape);
+}
 
 const lg_system_row lg_system_row_rigid_body = {
     .name = "rigid-body",
@@ -47,36 +52,41 @@ const lg_system_row lg_system_row_rigid_body = {
     .invariants = momentum_invariants,
     .invariant = momentum_invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,
-    LG_FIELDS(momentum),
+    LG_RECORDED(momentum),
 };
 
 /* ---- attitude ---- */
 
 static const lg_state_entry attitude_state[] = {
-    {"R", 1, 3, 3, ATTITUDE, 9, lg_row_attitude},
-    {"pi", 1, 1, 3, MOMENTUM, 3, NULL},
+    {"R", 1, 3, 3, 0, 9, lg_row_attitude},
+    {"pi", 1, 1, 3, 9, 3, NULL},
     {.key = NULL},
 };
 
 static const char *const attitude_invariants[] = {"energy", "|R^T pi|^2", NULL};
 
 static double attitude_invariant(const lg_system *system, size_t index, const double *y, double *work) {
-    const field_at f = {.parameter = system->parameters, .y = y};
-    const vector body = v_turned_back(&f, matrix_state(&f, ATTITUDE), v_state(&f, MOMENTUM));
-    return index == 0 ? body_energy(&f, body) : v_dot(&f, body, body);
+    double body[3];
+    lg_so3_coadjoint(y, y + 9, body);
+    return index == 0 ? lg_body_energy(system->parameters, body) : lg_dot3(body, body);
 }
 
-LG_PLAIN_FIELD(attitude)
+LG_TAPED_FIELD(attitude) {
+    algebra[0] = lg_body_velocity(tape, numbers, lg_row_matrices(tape, y[0]), y[1]);
+    algebra[1] = lg_full(tape, lg_var_shape(tape, y[1]), 0.0);
+    return lg_tape_status(tape);
+}
 
 const lg_system_row lg_system_row_attitude = {
     .name = "rigid-body-attitude",
+    .energy = &lg_energy_attitude,
     .parameters = parameters,
     .state = attitude_state,
     .factor = {{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}},
     .invariants = attitude_invariants,
     .invariant = attitude_invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,
-    LG_FIELDS(attitude),
+    LG_RECORDED(attitude),
 };
 
 /* ---- the row: M = diag(I) ---- */

@@ -15,18 +15,13 @@
  * by the formula of Sherman and Morrison. With v = dH/dp = p/(mu l^2) - omega x D/l and
  * g = dH/dq = -mu (c.omega) omega x D - k A, q and p move as on T*S^2 with f = (q x v, g x q + v x p), and
  * pi' = -(q x p)', because the total angular momentum pi + q x p is constant. */
+#include "liegrad/geometry.h"
+#include "mechanics/engine.h"
 #include "mechanics/system.h"
 
-#include <float.h>
-
-#include "mechanics/engine.h"
-#include "mechanics/fields/scalars.h"
-
-#include "mechanics/fields/plain.inc"
-
-#include "mechanics/fields/rotations.inc"
-
-#include "mechanics/fields/satellite.inc"
+/* Offsets in the parameters and in the state. */
+enum { INERTIA = 0, MASS = 3, LENGTH = 4, PIVOT = 5, STIFFNESS = 8, AXIS = 9 };
+enum { ATTITUDE = 0, MOMENTUM = 9, DIRECTION = 12, PENDULUM = 15 };
 
 static const double inertia_fallback[3] = {1.0, 1.4, 0.8}, mass_fallback = 0.3, length_fallback = 0.7,
                     pivot_fallback[3] = {0.2, 0.0, 0.5}, stiffness_fallback = 1.0,
@@ -50,24 +45,71 @@ static const lg_state_entry state[] = {
     {.key = NULL},
 };
 
-LG_PLAIN_FIELD(satellite)
+/* What field and energy use: vectors (B, 1, 3), numbers (1) and (B, 1, 1). A = R a. */
+typedef struct rates {
+    lg_var pi, q, p, omega, D, b, A;
+    lg_var mass, length, stiffness;
+    lg_var tied; /* mu c.omega */
+} rates;
 
-static double energy(const field_at *f) {
-    const satellite_rates at = rates_at(f);
-    const vector q = v_state(f, DIRECTION), p = v_state(f, PENDULUM);
-    const double mu = f->parameter[MASS], length = f->parameter[LENGTH];
-    return 0.5 * v_dot(f, at.b, at.omega) + 0.5 * v_dot(f, p, p) / (mu * length * length) +
-           f->parameter[STIFFNESS] * (1.0 - v_dot(f, q, drawn_to(f)));
+static rates rates_at(lg_tape *tape, const lg_var *y, lg_var numbers) {
+    const lg_shape line = lg_var_shape(tape, y[2]);
+    const lg_var R = lg_row_matrices(tape, y[0]), inertia = lg_slice(tape, numbers, 0, INERTIA, 3),
+                 d = lg_broadcast_to(tape, lg_slice(tape, numbers, 0, PIVOT, 3), line),
+                 a = lg_broadcast_to(tape, lg_slice(tape, numbers, 0, AXIS, 3), line);
+    rates at = {.pi = lg_reshape(tape, y[1], line),
+                .q = y[2],
+                .p = y[3],
+                .D = lg_matmul_nt(tape, d, R),
+                .A = lg_matmul_nt(tape, a, R),
+                .mass = lg_slice(tape, numbers, 0, MASS, 1),
+                .length = lg_slice(tape, numbers, 0, LENGTH, 1),
+                .stiffness = lg_slice(tape, numbers, 0, STIFFNESS, 1)};
+    const lg_var c = lg_cross(tape, at.D, at.q), moved = lg_div(tape, lg_cross(tape, at.D, at.p), at.length);
+    at.b = lg_sub(tape, at.pi, moved);
+    const lg_var Sc = lg_body_velocity(tape, inertia, R, c), Sb = lg_body_velocity(tape, inertia, R, at.b);
+    const lg_var below = lg_add_scalar(tape, lg_mul(tape, at.mass, lg_rowdot(tape, c, Sc)), 1.0);
+    const lg_var share = lg_div(tape, lg_mul(tape, at.mass, lg_rowdot(tape, c, Sb)), below);
+    at.omega = lg_sub(tape, Sb, lg_mul(tape, share, Sc));
+    at.tied = lg_mul(tape, at.mass, lg_rowdot(tape, c, at.omega));
+    return at;
+}
+
+/* mu l^2 */
+static lg_var moment_of(lg_tape *tape, const rates *at) {
+    return lg_mul(tape, lg_mul(tape, at->mass, at->length), at->length);
+}
+
+LG_TAPED_FIELD(satellite) {
+    const rates at = rates_at(tape, y, numbers);
+    const lg_var carried = lg_cross(tape, at.omega, at.D);
+    const lg_var v = lg_sub(tape, lg_div(tape, at.p, moment_of(tape, &at)), lg_div(tape, carried, at.length));
+    const lg_var drawn = lg_mul(tape, at.stiffness, at.A);
+    const lg_var g = lg_neg(tape, lg_add(tape, lg_mul(tape, at.tied, carried), drawn));
+    const lg_var force = lg_add(tape, lg_cross(tape, g, at.q), lg_cross(tape, v, at.p));
+    algebra[0] = at.omega;
+    algebra[1] = lg_reshape(tape, lg_neg(tape, force), lg_var_shape(tape, y[1]));
+    algebra[2] = lg_cross(tape, at.q, v);
+    algebra[3] = force;
+    return lg_tape_status(tape);
+}
+
+static lg_var energy(const lg_system *system, lg_tape *tape, const lg_var *y, lg_var numbers) {
+    const rates at = rates_at(tape, y, numbers);
+    const lg_var square = lg_div(tape, lg_rowdot(tape, at.p, at.p), moment_of(tape, &at));
+    const lg_var fallen = lg_add_scalar(tape, lg_neg(tape, lg_rowdot(tape, at.q, at.A)), 1.0);
+    const lg_var kinetic = lg_scale(tape, lg_add(tape, lg_rowdot(tape, at.b, at.omega), square), 0.5);
+    return lg_add(tape, kinetic, lg_mul(tape, at.stiffness, fallen));
 }
 
 static const char *const invariants[] = {"energy", "angular-momentum-x", "angular-momentum-y",
                                          "angular-momentum-z", NULL};
 
 static double invariant(const lg_system *system, size_t index, const double *y, double *work) {
-    const field_at f = {.parameter = system->parameters, .y = y};
-    if (index == 0) return energy(&f);
-    const vector turn = v_cross(&f, v_state(&f, DIRECTION), v_state(&f, PENDULUM));
-    return y[MOMENTUM + index - 1] + (const double[]){turn.x, turn.y, turn.z}[index - 1];
+    double turn[3];
+    if (index == 0) return lg_recorded_energy(system, index, y, work);
+    lg_cross3(y + DIRECTION, y + PENDULUM, turn);
+    return y[MOMENTUM + index - 1] + turn[index - 1];
 }
 
 const lg_system_row lg_system_row_satellite = {
@@ -78,5 +120,6 @@ const lg_system_row lg_system_row_satellite = {
     .invariants = invariants,
     .invariant = invariant,
     .structure = LG_STRUCTURE_HAMILTONIAN,
-    LG_FIELDS(satellite),
+    .taped_energy = energy,
+    LG_RECORDED(satellite),
 };

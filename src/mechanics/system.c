@@ -287,9 +287,9 @@ static lg_status make_space(const lg_system_row *row, size_t links, lg_space *ou
     return LG_OK;
 }
 
-/* Makes the plans of a system that has them; `system` is destroyed after an error. */
+/* `system` is destroyed after an error. */
 static lg_status finish(lg_system *system, lg_system **out) {
-    const lg_status status = system->row->energy != NULL ? lg_derived_create(system) : LG_OK;
+    const lg_status status = lg_recorded_create(system);
     if (status != LG_OK) lg_system_destroy(system);
     if (status == LG_OK) *out = system;
     return status;
@@ -369,7 +369,7 @@ lg_status lg_system_set_parameters(lg_system *system, const double *values) {
 }
 
 void lg_system_destroy(lg_system *system) {
-    for (size_t i = 0; system && i < LG_COUNT(system->derived); i++) lg_plan_destroy(system->derived[i]);
+    for (size_t i = 0; system && i < LG_COUNT(system->plan); i++) lg_plan_destroy(system->plan[i]);
     if (system) lg_free(system->context, system);
 }
 
@@ -422,7 +422,7 @@ bool lg_system_separable(const lg_system *system) {
 /* Doubles of workspace that the row needs. If the ambient field is generated from the LIE field, the
  * workspace has algebra_dim more doubles behind them, for the value of the LIE field. */
 size_t lg_system_own_work(const lg_system *system) {
-    return in_all(system->row->work, system->links) + lg_derived_work(system);
+    return in_all(system->row->work, system->links) + lg_recorded_work(system);
 }
 
 size_t lg_system_work_size(const lg_system *system) {

@@ -28,7 +28,7 @@ typedef enum lg_structure {
 
 typedef struct lg_system_row {
     const char *name, *form;              /* form is NULL if the system has one form only */
-    const lg_energy_row *energy;          /* not NULL: all else follows from it (derived.c) */
+    const lg_energy_row *energy;          /* M and V, for machines; NULL: not known */
     const lg_parameter_entry *parameters; /* the list ends with a NULL key */
     const lg_state_entry *state;          /* the list ends with a NULL key */
     size_t unreported;                    /* numbers at the end of the state that are not reported */
@@ -61,6 +61,8 @@ typedef struct lg_system_row {
      * the order of the table. Differentiable to any order in both, unless the row's file says otherwise. */
     lg_status (*taped)(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y, lg_var input,
                        lg_var parameters, lg_var *algebra);
+    /* The energy (B, 1) on a tape, if it is recorded. */
+    lg_var (*taped_energy)(const lg_system *system, lg_tape *tape, const lg_var *y, lg_var parameters);
     /* Separable systems have these instead of `taped`: force(q) and velocity(p) on a tape, (B, n) each. */
     lg_var (*taped_force)(lg_tape *tape, lg_var q, lg_var parameters);
     lg_var (*taped_velocity)(lg_tape *tape, lg_var p, lg_var parameters);
@@ -76,7 +78,8 @@ struct lg_system {
     size_t parameter_count;
     double *parameters; /* in the order of the table */
     double *constants;
-    lg_plan *derived[2]; /* field and energy (derived.c) */
+    const struct lg_written *written; /* field and energy as C (recorded.c), or NULL: as plans */
+    lg_plan *plan[2];
 };
 
 size_t lg_system_constants(const lg_system *system);
@@ -112,35 +115,34 @@ extern const lg_system_row lg_system_row_top_cotangent, lg_system_row_top_direct
     lg_system_row_top_lie_poisson, lg_system_row_top_quadratic;
 extern const lg_system_row lg_system_row_satellite, lg_system_row_quadrotors, lg_system_row_quadrotor_bodies;
 
-/* The fields of fields/NAME.inc on a tape (taped_fields.c). */
-#define LG_TAPED_FIELDS(X)                                                                                   \
-    X(momentum) X(attitude) X(direct) X(cotangent) X(poisson) X(quadratic) X(satellite) X(quadrotors)
-#define LG_TAPED_FIELD(name)                                                                                 \
-    lg_status lg_##name##_taped(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,    \
-                                lg_var input, lg_var parameters, lg_var *algebra)
-#define LG_DECLARE_TAPED(name) LG_TAPED_FIELD(name);
-LG_TAPED_FIELDS(LG_DECLARE_TAPED)
-
-/* Systems that are given by their energies alone, lg_energy_NAME (derived.c): their rows, fields and plans
- * follow. The state is R, pi of rotations, then q, p of directions, then x, px of lines and angles, as in the
+/* Systems that are given by their energies alone, lg_energy_NAME (derived.c): their rows and fields follow.
+ * The state is R, pi of rotations, then q, p of directions, then x, px of lines and angles, as in the
  * families of learned Hamiltonians; of lines and angles alone q, p on R^2n. The coordinates of the energies
  * have this order, and M has a row for each velocity: three for a rotation and for a direction. */
 #define LG_DERIVED_SYSTEMS(X)   X(cart_pole) X(rotary) X(arm)
 #define LG_DECLARE_ENERGY(name) extern const lg_energy_row lg_energy_##name;
 LG_DERIVED_SYSTEMS(LG_DECLARE_ENERGY)
 const lg_system_row *lg_derived_row(size_t index); /* NULL beyond the last */
-/* Make the plans of a system's row; end them. The others use them. */
-lg_status lg_derived_create(lg_system *system);
-size_t lg_derived_work(const lg_system *system); /* doubles; 0 for other systems */
 
-/* The plain field NAME_field of NAME_of in fields/NAME.inc. */
-#define LG_PLAIN_FIELD(name)                                                                                 \
-    static lg_status name##_field(void *user, double t, const double *y, const double *input, double *out) { \
-        const lg_system *own = ((const lg_system_user *)user)->system;                                       \
-        name##_of(&(field_at){own->parameters, y, out, t, &own->space});                                     \
-        return LG_OK;                                                                                        \
-    }
-/* The members of a row with both fields. */
-#define LG_FIELDS(name) .field = {name##_field, NULL}, .taped = lg_##name##_taped
+/* ---- fields from their recordings (recorded.c) ----
+ *
+ * Rows with LG_RECORDED write their field on a tape only. In double it is straight C that a test writes from
+ * the recording (fields/written.inc), or a plan if that file does not have the system yet. */
+lg_status lg_recorded_field(void *user, double t, const double *y, const double *input, double *out);
+/* lg_system_row.invariant of rows with taped_energy; `index` is not read. */
+double lg_recorded_energy(const lg_system *system, size_t index, const double *y, double *work);
+/* The program with the functions field (y, parameters, t) and energy, where the row has it. */
+lg_status lg_recorded_program(const lg_system *system, lg_program **out, lg_error *error);
+/* Make the code or the plans of a system whose field is lg_recorded_field. */
+lg_status lg_recorded_create(lg_system *system);
+size_t lg_recorded_work(const lg_system *system); /* doubles; 0 for other systems */
+
+#define LG_TAPED_FIELD(name)                                                                                 \
+    static lg_status name(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,          \
+                          lg_var input, lg_var numbers, lg_var *algebra)
+#define LG_RECORDED(name) .field = {lg_recorded_field, NULL}, .taped = name
+
+/* 1/2 x.I^-1 x, the energy of a body with the momentum x in its own frame. */
+double lg_body_energy(const double *I, const double *x);
 
 #endif

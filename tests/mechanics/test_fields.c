@@ -1,0 +1,121 @@
+/* fields/written.inc: the fields and energies of systems as straight C, written from their recordings. Writes
+ * the file anew with LG_WRITE_PAGES=1. */
+#include "mechanics/system_check.h"
+
+#include <stdio.h>
+
+#include "autodiff/program/program.h"
+#include "mechanics/system.h"
+
+static const char header[] =
+    "/* clang-format off */\n"
+    "/* Fields and energies of systems, written by test_fields from their recordings: run it with\n"
+    " * LG_WRITE_PAGES=1 after a change of a recording. `number` is a double, or one number of many members "
+    "of\n"
+    " * an ensemble; functions with branches, sines and energies are for doubles only. */\n";
+
+/* The system's functions without the macros before them, where `real` is `number` and helpers have the system's
+ * name. */
+static void put_code(FILE *out, const char *code, const char *name) {
+    const char *const words[][2] = {{"static NOINLINE void scalars_", "static inline void "},
+                                    {"scalars_", ""},
+                                    {"\nvoid ", "\nstatic inline void "},
+                                    {"const real ", "const number "},
+                                    {"real *", "number *"},
+                                    {"REAL(", "FIELD_NUMBER("},
+                                    {"SQRT(", "FIELD_SQRT("},
+                                    {"SIN(", "FIELD_SIN("},
+                                    {"COS(", "FIELD_COS("},
+                                    {"    if (y0 == NULL) y0 = work;\n", ""}};
+    for (const char *at = strstr(code, "static NOINLINE void scalars_"); *at != '\0';) {
+        const char *value = strncmp(at, "    y0[", 7) == 0 ? strstr(at, "] = ") + 4 : NULL;
+        size_t i = 0;
+        while (i < LG_COUNT(words) && strncmp(at, words[i][0], strlen(words[i][0])) != 0) i++;
+        if (value != NULL && *value != 'v') { /* a number that is the same for all members */
+            (void)fprintf(out, "%.*sFIELD_NUMBER(%.*s);", (int)(value - at), at, (int)strcspn(value, ";"),
+                          value);
+            at = value + strcspn(value, ";") + 1;
+        } else if (i == LG_COUNT(words)) {
+            (void)fputc(*at++, out);
+        } else {
+            (void)fprintf(out, "%s%s%s", words[i][1], i < 2 ? name : "", i < 2 ? "_" : "");
+            at += strlen(words[i][0]);
+        }
+    }
+}
+
+static void put_system(FILE *lanes, FILE *others, FILE *list, const lg_system *system) {
+    const char *form = lg_system_form(system);
+    char name[64];
+    lg_program *program = NULL;
+    lg_c_source *source = NULL;
+    lg_c_options options;
+    assert_int_equal(lg_recorded_program(system, &program, NULL), LG_OK);
+    (void)snprintf(name, sizeof name, "%s%s%s", lg_system_name(system), form != NULL ? "_" : "",
+                   form != NULL ? form : "");
+    for (char *c = name; *c != '\0'; c++)
+        if (*c == '-') *c = '_';
+    const bool energy = lg_program_functions(program) > 1;
+    lg_c_options_init(&options);
+    options.name = name;
+    options.mark_unfit = false;
+    assert_int_equal(lg_program_write_c(program, &options, &source, NULL), LG_OK);
+    assert_int_equal(source->numbers + source->integers, 0);
+    const char *code = strstr(source->code, "static NOINLINE void scalars_");
+    assert_non_null(code);
+    const bool plain = energy || strstr(code, " ? ") != NULL || strstr(code, "SIN(") != NULL;
+    put_code(plain ? others : lanes, code, name);
+    (void)fputc('\n', plain ? others : lanes);
+    (void)fprintf(list, " \\\n    {\"%s\", \"%s\", {%s_field, %s%s}, %zu},", lg_system_name(system),
+                  form != NULL ? form : "", name, energy ? name : "NULL", energy ? "_energy" : "",
+                  source->work_size > 1 ? source->work_size : 0);
+    lg_c_source_destroy(source);
+    lg_program_destroy(program);
+}
+
+/* The text of the file. */
+static char *write_all(void) {
+    char *text[4] = {NULL};
+    size_t size[4];
+    FILE *out[4];
+    const char *name, *form;
+    static const double one = 1.0;
+    for (int i = 0; i < 4; i++) assert_non_null(out[i] = open_memstream(&text[i], &size[i]));
+    for (size_t i = 0; lg_system_at(i, &name, &form); i++) {
+        lg_system_options options;
+        lg_named_values given[8];
+        lg_system_options_init(&options);
+        options.form = form;
+        options.parameters = given;
+        for (const lg_parameter_entry *p = lg_system_parameters(name, form); p->key != NULL; p++)
+            if (p->fallback == NULL) given[options.parameter_count++] = (lg_named_values){p->key, &one, 1};
+        const lg_system *system = make_system_with(name, &options);
+        if (system->row->field[LG_COORDINATES_LIE] == lg_recorded_field)
+            put_system(out[1], out[2], out[3], system);
+    }
+    for (int i = 1; i < 4; i++) (void)fclose(out[i]);
+    (void)fprintf(out[0], "%s\n%s#ifndef FIELD_ON_LANES\n\n%s#define LG_WRITTEN_SYSTEMS%s\n\n#endif\n",
+                  header, text[1], text[2], text[3]);
+    (void)fclose(out[0]);
+    for (int i = 1; i < 4; i++) free(text[i]);
+    return text[0];
+}
+
+TEST("fields/written.inc is written from the recordings of the systems") {
+    static const char path[] = LG_TEST_DIR "/../src/mechanics/fields/written.inc";
+    char *wanted = write_all(), *found = NULL;
+    size_t room = 0;
+    if (getenv("LG_WRITE_PAGES") != NULL) {
+        FILE *file = fopen(path, "w");
+        assert_non_null(file);
+        (void)fputs(wanted, file);
+        (void)fclose(file);
+    }
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    if (getdelim(&found, &room, '\0', file) < 0) fail_msg("%s cannot be read", path);
+    (void)fclose(file);
+    if (strcmp(found, wanted) != 0) fail_msg("%s is old: run this test with LG_WRITE_PAGES=1", path);
+    free(wanted);
+    free(found);
+}
