@@ -289,8 +289,7 @@ lg_status export_amplification(lg_program *program, size_t function, const doubl
 
 /* A failure ends the command. The caller sets `source->options`. */
 void export_classifier(const app *self, const char *path, export_source *source);
-void export_program(const app *self, const char *path, export_source *source);
-void export_scene(const app *self, const char *path, export_source *source);
+void export_program(const app *self, const char *path, export_source *source); /* or a scene */
 /* A controller: `control` and what else --functions names, with a closed loop in the self-test
  * (policy/policy.c). export_policy_words describes it, for every target. */
 void export_policy(const app *self, const char *path, export_source *source);

@@ -154,7 +154,7 @@ static void build_whole(job *j, const char *kind,
                         void (*build)(const app *self, const char *path, export_source *source)) {
     j->kind = kind;
     if (build == export_classifier && (given.functions != NULL || given.compact)) refuse_functions(j);
-    if (build != export_scene) refuse_scheme(j);
+    if (!j->source.scene) refuse_scheme(j);
     build(j->self, j->path, &j->source);
 }
 
@@ -196,7 +196,6 @@ static void check_file(const job *j, const char *kind) {
 static void build_target(job *j, const char *kind) {
     lg_program *program;
     const export_target *target = targets[given.target];
-    const bool scene = strcmp(kind, "scene") == 0;
     if (strcmp(kind, "classifier") == 0)
         app_stop_usage(j->self, "--target %s: %s is a classifier, which can be exported as C only",
                        target_names[given.target], j->path);
@@ -205,11 +204,11 @@ static void build_target(job *j, const char *kind) {
                        target_names[given.target], target->wide);
     j->kind = kind;
     j->options.compact = true;
-    if (scene)
+    if (j->source.scene)
         export_load_scene(j->self, j->path, target->tunable, &j->source, &program);
     else
         export_load(j->self, j->path, kind, &j->source, &program);
-    if (!scene && j->source.start == NULL) refuse_scheme(j);
+    if (!j->source.scene && j->source.start == NULL) refuse_scheme(j);
     target->build(j->self, j->path, program, &j->source);
     lg_program_destroy(program);
 }
@@ -222,11 +221,10 @@ static void build(job *j) {
     if (!scene && lg_recipe_find(own) == NULL && !classifier) check_file(j, own);
     if (!scene) export_read_units(j->self, j->path, &j->options);
     if (policy && j->options.functions == NULL) j->options.functions = "control";
+    j->source.scene = scene;
     if (other)
         build_target(j, own);
-    else if (scene)
-        build_whole(j, own, export_scene);
-    else if (policy || classifier || strcmp(own, "program") == 0)
+    else if (scene || policy || classifier || strcmp(own, "program") == 0)
         build_whole(j, own, policy ? export_policy : classifier ? export_classifier : export_program);
     else
         build_model(j, own);

@@ -345,22 +345,15 @@ void export_whole(const app *self, const char *path, lg_program *program, const 
     lg_c_source_destroy(j.c);
 }
 
-static void export_functions(const app *self, const char *path, lg_program *program, export_source *source) {
+void export_program(const app *self, const char *path, export_source *source) {
+    lg_program *program;
     export_names functions;
     const bool given = source->options->functions != NULL;
+    if (source->scene)
+        export_load_scene(self, path, true, source, &program);
+    else
+        APP_FILE(self, path, lg_program_load, NULL, &program);
     if (given) export_choose(self, source->options, program, NULL, &functions);
     export_whole(self, path, program, given ? &functions : NULL, source);
     lg_program_destroy(program);
-}
-
-void export_program(const app *self, const char *path, export_source *source) {
-    lg_program *program;
-    APP_FILE(self, path, lg_program_load, NULL, &program);
-    export_functions(self, path, program, source);
-}
-
-void export_scene(const app *self, const char *path, export_source *source) {
-    lg_program *program;
-    export_load_scene(self, path, true, source, &program);
-    export_functions(self, path, program, source);
 }

@@ -90,7 +90,6 @@ void export_load_scene(const app *self, const char *path, bool tunable, export_s
     lg_scene scene;
     APP_FILE(self, path, lg_scene_read, "hamiltonian", &scene);
     recording r = {.system = scene.system, .scheme = source->options->scheme};
-    source->scene = true;
     const size_t count = lg_system_parameter_count(scene.system);
     if (r.scheme == NULL) r.scheme = lg_scheme_find("cf4");
     if (tunable && count <= MOST_TUNABLE) r.tunable = count;

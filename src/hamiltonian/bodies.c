@@ -306,6 +306,12 @@ static void ambient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var
     .usable = lg_hamiltonian_usable_mass, .bind = bind, .energy = energy, .gradient = gradient,              \
     .ambient = ambient, .manifold = MANIFOLD(c, k)
 
+/* A body, and its coordinates on lines. */
+#define BODY_ON_LINES                                                                                        \
+    .factor = {LG_SPACE_SO3, LG_SPACE_RN, LG_SPACE_RN, LG_SPACE_RN}, .scaled = {false, true, true, true},    \
+    .layout = {"R", "pi", "x", "px"}, .state_units = "R: 1, pi: kg m^2/s, x: m, px: kg m/s",                 \
+    .field_meaning = "omega, pi', x', px'"
+
 const lg_hamiltonian_family lg_hamiltonian_rotation = {
     .name = "rotation",
     .description = "learned Hamiltonian of bodies that turn about fixed points",
@@ -335,28 +341,20 @@ const lg_hamiltonian_family lg_hamiltonian_rotation_direction = {
 const lg_hamiltonian_family lg_hamiltonian_rotation_line = {
     .name = "rotation-line",
     .description = "learned Hamiltonian of a body with a coordinate",
-    .factor = {LG_SPACE_SO3, LG_SPACE_RN, LG_SPACE_RN, LG_SPACE_RN},
     .each = {1, 3, 1, 1},
-    .scaled = {false, true, true, true},
-    .layout = {"R", "pi", "x", "px"},
-    .state_units = "R: 1, pi: kg m^2/s, x: m, px: kg m/s",
     .formula = "1/2 p.M(R)^-1 p + V(R,x) on T*(SO(3) x R)",
     .input_meaning = "torques in space, then the force along x",
-    .field_meaning = "omega, pi', x', px'",
+    BODY_ON_LINES,
     BODIES(1, 0, 1)};
 
-const lg_hamiltonian_family lg_hamiltonian_pose = {
-    .name = "pose",
-    .description = "learned Hamiltonian of a free body",
-    .factor = {LG_SPACE_SO3, LG_SPACE_RN, LG_SPACE_RN, LG_SPACE_RN},
-    .each = {1, 3, 3, 3},
-    .scaled = {false, true, true, true},
-    .layout = {"R", "pi", "x", "px"},
-    .state_units = "R: 1, pi: kg m^2/s, x: m, px: kg m/s",
-    .formula = "1/2 p.M(R)^-1 p + V(R,x) on T*SE(3)",
-    .input_meaning = "torques in space about x, then forces in space",
-    .field_meaning = "omega, pi', x', px'",
-    BODIES(1, 0, 3)};
+const lg_hamiltonian_family lg_hamiltonian_pose = {.name = "pose",
+                                                   .description = "learned Hamiltonian of a free body",
+                                                   .each = {1, 3, 3, 3},
+                                                   .formula = "1/2 p.M(R)^-1 p + V(R,x) on T*SE(3)",
+                                                   .input_meaning =
+                                                       "torques in space about x, then forces in space",
+                                                   BODY_ON_LINES,
+                                                   BODIES(1, 0, 3)};
 
 const lg_hamiltonian_family lg_hamiltonian_pose_direction = {
     .name = "pose-direction",

@@ -22,13 +22,11 @@ static lg_var anharmonic(void *user, lg_tape *tape, const lg_hamiltonian_vars *v
     return lg_add(tape, oscillator(user, tape, vars, y), lg_scale(tape, quartic, 0.25));
 }
 
-/* The momenta of symmetries: q_1 p_2 - q_2 p_1, and sum e3.pi + sum_i e3.(q_i x p_i). */
-static lg_var planar_momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
-    return lg_symmetry_row_of(LG_SYMMETRY_SPHERICAL)->momentum(tape, vars->model, y);
-}
-
-static lg_var vertical_momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
-    return lg_symmetry_row_of(LG_SYMMETRY_AXIAL)->momentum(tape, vars->model, y);
+/* The momentum of a symmetry: q_1 p_2 - q_2 p_1 of R^2, e3.pi + sum_i e3.(q_i x p_i) where there are vectors. */
+static lg_var momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
+    const bool plane = lg_hamiltonian_vectors(vars->model) == 0;
+    const lg_symmetry symmetry = plane ? LG_SYMMETRY_SPHERICAL : LG_SYMMETRY_AXIAL;
+    return lg_symmetry_row_of(symmetry)->momentum(tape, vars->model, y);
 }
 
 static const lg_first_integral integrals[] = {
@@ -47,12 +45,12 @@ static const lg_first_integral integrals[] = {
      .family = &lg_hamiltonian_separable,
      .n = 2,
      .power = {1, 1},
-     .record = planar_momentum},
+     .record = momentum},
     {.name = "vertical-angular-momentum",
      .formula = "sum e3.pi + sum_i e3.(q_i x p_i)",
      .vectors = true,
      .power = {0, 1},
-     .record = vertical_momentum},
+     .record = momentum},
 };
 
 size_t lg_first_integral_count(void) {

@@ -312,24 +312,19 @@ lg_var lg_taped_join_algebra(lg_tape *tape, const lg_space *space, const lg_var 
 
 /* ---- loops over the factors ---- */
 
-lg_status lg_taped_act(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *y, lg_var *out) {
-    LG_TRY(lg_tape_needs(tape, "action", space != NULL && a != NULL && y != NULL && out != NULL));
-    if (!fit(tape, space, false, a, y, "action")) return lg_tape_status(tape);
-    FOR_FACTORS(space, f, row, at) {
-        row->act(tape, a + at, y + at, out + at);
+/* lg_taped_act and lg_taped_generator check the arguments and call a member of each factor's row. */
+#define OF_POINTS(member, title)                                                                             \
+    lg_status lg_taped_##member(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *y,      \
+                                lg_var *out) {                                                               \
+        LG_TRY(lg_tape_needs(tape, title, space != NULL && a != NULL && y != NULL && out != NULL));          \
+        if (!fit(tape, space, false, a, y, title)) return lg_tape_status(tape);                              \
+        FOR_FACTORS(space, f, row, at) {                                                                     \
+            row->member(tape, a + at, y + at, out + at);                                                     \
+        }                                                                                                    \
+        return lg_tape_status(tape);                                                                         \
     }
-    return lg_tape_status(tape);
-}
-
-lg_status lg_taped_generator(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *y,
-                             lg_var *out) {
-    LG_TRY(lg_tape_needs(tape, "generator", space != NULL && a != NULL && y != NULL && out != NULL));
-    if (!fit(tape, space, false, a, y, "generator")) return lg_tape_status(tape);
-    FOR_FACTORS(space, f, row, at) {
-        row->generator(tape, a + at, y + at, out + at);
-    }
-    return lg_tape_status(tape);
-}
+OF_POINTS(act, "action")
+OF_POINTS(generator, "generator")
 
 lg_status lg_taped_bracket(lg_tape *tape, const lg_space *space, const lg_var *a, const lg_var *b,
                            lg_var *out) {

@@ -69,27 +69,19 @@ uint32_t lg_machine_feature_scales(const lg_machine *machine, const lg_machine_t
     return used;
 }
 
-/* Rotation k of the state as (B, 9). */
-static lg_var rotation(lg_tape *tape, const lg_machine *machine, const lg_machine_seen *seen, uint32_t k) {
-    lg_var R = seen->parts[lg_machine_parts(machine).R];
-    if (machine->rotations > 1) R = lg_slice(tape, R, 1, k, 1);
-    return lg_reshape(tape, R, lg_shape2(seen->rows, MATRIX));
-}
-
-static lg_var direction(lg_tape *tape, const lg_machine *machine, const lg_machine_seen *seen, uint32_t k) {
-    lg_var q = seen->parts[lg_machine_parts(machine).q];
-    if (machine->directions > 1) q = lg_slice(tape, q, 1, k, 1);
-    return lg_reshape(tape, q, lg_shape2(seen->rows, VECTOR));
+/* Copy k of a part (B, copies, n) as (B, n). */
+static lg_var copy_of(lg_tape *tape, lg_var part, uint32_t k) {
+    const lg_shape shape = lg_var_shape(tape, part);
+    const lg_var x = shape.dims[1] > 1 ? lg_slice(tape, part, 1, k, 1) : part;
+    return lg_reshape(tape, x, lg_shape2(shape.dims[0], shape.dims[2]));
 }
 
 /* The height feature of a coordinate that is not an angle. */
-static lg_var height(lg_tape *tape, const lg_machine *machine, const lg_machine_offsets *at,
-                     const lg_machine_seen *seen) {
-    if (at->places > 0)
-        return lg_machine_columns(tape, seen->parts[lg_machine_parts(machine).x], at->place + at->places - 1,
-                                  1);
-    if (at->directions > 0) return lg_slice(tape, direction(tape, machine, seen, at->direction), 1, 2, 1);
-    return lg_slice(tape, rotation(tape, machine, seen, at->rotation), 1, 6, VECTOR);
+static lg_var height(lg_tape *tape, const lg_machine_places *part, const lg_machine_offsets *at,
+                     const lg_var *y) {
+    if (at->places > 0) return lg_machine_columns(tape, y[part->x], at->place + at->places - 1, 1);
+    if (at->directions > 0) return lg_slice(tape, copy_of(tape, y[part->q], at->direction), 1, 2, 1);
+    return lg_slice(tape, copy_of(tape, y[part->R], at->rotation), 1, 6, VECTOR);
 }
 
 /* Writes the variables of one feature to `out`; returns their number. */
@@ -100,24 +92,25 @@ static uint32_t record_feature(lg_tape *tape, const lg_machine *machine, lg_mach
         return 1;
     }
     const lg_machine_offsets at = lg_machine_offsets_of(machine, of.index);
-    const int x = lg_machine_parts(machine).x;
+    const lg_machine_places part = lg_machine_parts(machine);
+    const lg_var *y = seen->parts;
     uint32_t count = 0;
     if (of.kind == LG_FEATURE_VELOCITY) {
         out[count++] = lg_machine_columns(tape, seen->v, at.velocity, at.velocities);
     } else if (of.kind == LG_FEATURE_UP) {
-        out[count++] = lg_slice(tape, rotation(tape, machine, seen, at.rotation), 1, 6, VECTOR);
+        out[count++] = lg_slice(tape, copy_of(tape, y[part.R], at.rotation), 1, 6, VECTOR);
     } else if (is_angle(machine, of)) {
-        const lg_var angle = lg_machine_columns(tape, seen->parts[x], at.place, 1);
+        const lg_var angle = lg_machine_columns(tape, y[part.x], at.place, 1);
         out[count++] = lg_sin(tape, angle);
         out[count++] = lg_cos(tape, angle);
     } else if (of.kind == LG_FEATURE_HEIGHT) {
-        out[count++] = height(tape, machine, &at, seen);
+        out[count++] = height(tape, &part, &at, y);
     } else {
         if (of.kind != LG_FEATURE_ROTATION && at.places > 0)
-            out[count++] = lg_machine_columns(tape, seen->parts[x], at.place, at.places);
-        if (at.directions > 0) out[count++] = direction(tape, machine, seen, at.direction);
+            out[count++] = lg_machine_columns(tape, y[part.x], at.place, at.places);
+        if (at.directions > 0) out[count++] = copy_of(tape, y[part.q], at.direction);
         if (of.kind != LG_FEATURE_PLACE && at.rotations > 0)
-            out[count++] = rotation(tape, machine, seen, at.rotation);
+            out[count++] = copy_of(tape, y[part.R], at.rotation);
     }
     return count;
 }

@@ -6,6 +6,14 @@ static const double one = 1.0, ones[2] = {1.0, 1.0}, small = 0.1, gravity_fallba
 #define GRAVITY                                                                                              \
     { "gravity", "g", 1, LG_PARAMETER_FINITE, &gravity_fallback, "acceleration of gravity, m/s^2" }
 
+/* m g L cos(q_2), from the indices of these parameters. */
+static lg_var pole_potential(lg_tape *tape, const lg_at *at, uint32_t mass, uint32_t gravity,
+                             uint32_t length) {
+    const lg_var weight = lg_mul(tape, lg_row_number(tape, at, mass), lg_row_number(tape, at, gravity));
+    const lg_var cosine = lg_cos(tape, lg_slice(tape, at->state[0], 1, 1, 1));
+    return lg_mul(tape, cosine, lg_mul(tape, weight, lg_row_number(tape, at, length)));
+}
+
 /* ---- cart-pole: a point mass at the end of the pole, at height L cos(theta); theta is 0 upright ---- */
 
 static const lg_parameter_entry cart_parameters[] = {
@@ -27,9 +35,7 @@ static lg_var cart_mass(lg_tape *tape, const lg_at *at) {
 }
 
 static lg_var cart_potential(lg_tape *tape, const lg_at *at) {
-    const lg_var weight = lg_mul(tape, lg_row_number(tape, at, POLE), lg_row_number(tape, at, CART_GRAVITY));
-    const lg_var cosine = lg_cos(tape, lg_slice(tape, at->state[0], 1, 1, 1));
-    return lg_mul(tape, cosine, lg_mul(tape, weight, lg_row_number(tape, at, POLE_LENGTH)));
+    return pole_potential(tape, at, POLE, CART_GRAVITY, POLE_LENGTH);
 }
 
 const lg_energy_row lg_energy_cart_pole = {
@@ -65,10 +71,7 @@ static lg_var rotary_mass(lg_tape *tape, const lg_at *at) {
 }
 
 static lg_var rotary_potential(lg_tape *tape, const lg_at *at) {
-    const lg_var weight =
-        lg_mul(tape, lg_row_number(tape, at, ROTARY_POLE), lg_row_number(tape, at, ROTARY_GRAVITY));
-    const lg_var cosine = lg_cos(tape, lg_slice(tape, at->state[0], 1, 1, 1));
-    return lg_mul(tape, cosine, lg_mul(tape, weight, lg_row_number(tape, at, CENTRE)));
+    return pole_potential(tape, at, ROTARY_POLE, ROTARY_GRAVITY, CENTRE);
 }
 
 const lg_energy_row lg_energy_rotary = {"rotary-pendulum", rotary_parameters,    rotary_mass,

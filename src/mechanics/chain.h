@@ -10,8 +10,6 @@
 
 #include "mechanics/system.h"
 
-/* Indices in the table of parameters, which is the same for both forms. */
-enum { CHAIN_GRAVITY, CHAIN_MASSES, CHAIN_LENGTHS };
 extern const lg_parameter_entry lg_chain_parameters[];
 
 #define number double
@@ -40,34 +38,12 @@ static inline void lg_chain_constants(const lg_chain *c) {
     }
 }
 
-/* Members that the rows of both forms have in common. */
-void lg_chain_prepare(lg_system *system, double *constants);
-extern const char *const lg_chain_invariants[];
-lg_status lg_chain_observe(const lg_system *system, const double *y, double *out, double *work);
-lg_status lg_chain_plane(const lg_system *system, lg_rng *rng, double *y);
-lg_status lg_chain_step(void *user, double t, double h, double *y);
-enum { CHAIN_WORK = 6 + 12 }; /* numbers for each link: 6 for v and g, 12 that lg_chain_gradient needs */
-#define LG_CHAIN_MEMBERS                                                                                     \
-    .name = "pendulum-chain", .parameters = lg_chain_parameters, .state = state,                             \
-    .factor = {{LG_SPACE_TS2, 0}}, .constants = CHAIN_CONSTANTS, .prepare = lg_chain_prepare,                \
-    .invariants = lg_chain_invariants, .invariant = invariant, .observed = 6, .observe = lg_chain_observe,   \
-    .plane = lg_chain_plane, .step = lg_chain_step, .work = CHAIN_WORK
-
-/* ---- velocities: q_i at y + 6 i, v contiguous (k, 3) ---- */
-
-/* For y = (q_1, omega_1, ...): v_i = omega_i x q_i. */
-void lg_chain_velocity_of_omega(size_t links, const double *y, double *v);
 /* v_i = dH/dp_i and g_i = dH/dq_i (3k numbers each) at a point y (6k) of the manifold, in O(k). With
  * G_il = q_i.q_l, u_i = q_i.(W p)_i and the Hadamard product o, lambda solves (W o G) lambda = u, a symmetric
  * positive definite tridiagonal system. Then v_i = sum_j W_ij (p_j - lambda_j q_j) and
  * g_i = -lambda_i v_i + dV/dq_i. work: 12k doubles. LG_NOT_FINITE: a pivot is not positive (NaN in y, or a
  * link of length 0); v and g are then undefined. */
 lg_status lg_chain_gradient(const lg_chain *chain, const double *y, double *v, double *g, double *work);
-
-/* The angular momentum about e3, sum_l m_l e3.(x_l x x_l'), from q_i at y + 6 i and v. */
-double lg_chain_vertical_momentum(const lg_chain *chain, const double *y, const double *v);
-/* The energy 1/2 sum_l m_l |x_l'|^2 + V(q). */
-double lg_chain_energy(const lg_chain *chain, const double *y, const double *v);
 
 /* Draws a start of kind LG_STARTS_PLANE: q_i at y + 6 i, and v. Errors: LG_UNSUPPORTED (more than
  * LG_PLANE_LINKS links), LG_NO_CONVERGENCE. */

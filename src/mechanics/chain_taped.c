@@ -20,44 +20,39 @@ static lg_var e3_first(lg_tape *tape, uint32_t rows) {
 /* ---- parameters ---- */
 
 typedef struct taped_chain {
-    uint32_t k;
     lg_var gravity;      /* (1) */
     lg_var mass, length; /* (1, k, 1) */
-    lg_var light;        /* 1/m */
-    lg_var curvature;    /* 1/L */
-    lg_var links;        /* (1, k, k): 1/m_i + [i > 1]/m_{i-1} on the diagonal, zero elsewhere */
-    lg_var coupling;     /* (1, k, k): -1/m_i at (i, i + 1) and (i + 1, i), zero elsewhere */
+    lg_var rate;         /* (1, 1, 1): g/L_1 */
+    lg_var own, next;    /* (1, k, k): the diagonal of W, and W without it */
 } taped_chain;
 
 static taped_chain bind(lg_tape *tape, uint32_t k, lg_var parameters) {
     const lg_shape column = lg_shape3(1, k, 1);
-    taped_chain c = {.k = k, .gravity = lg_slice(tape, parameters, 0, 0, 1)};
+    taped_chain c = {.gravity = lg_slice(tape, parameters, 0, 0, 1)};
     c.mass = lg_reshape(tape, lg_slice(tape, parameters, 0, 1, k), column);
     c.length = lg_reshape(tape, lg_slice(tape, parameters, 0, 1 + k, k), column);
-    c.light = lg_pow(tape, c.mass, -1.0);
-    c.curvature = lg_pow(tape, c.length, -1.0);
-    lg_var diagonal = lg_matmul(tape, lg_band_matrix(tape, k, 1.0, 1.0, 0.0), c.light);
-    c.links = lg_mul(tape, lg_band_matrix(tape, k, 0.0, 1.0, 0.0), diagonal);
-    lg_var above = lg_mul(tape, lg_band_matrix(tape, k, 0.0, 0.0, -1.0), c.light);
-    c.coupling = lg_add(tape, above, lg_transpose(tape, above));
+    const lg_var light = lg_pow(tape, c.mass, -1.0), curvature = lg_pow(tape, c.length, -1.0),
+                 scale = lg_mul(tape, curvature, lg_transpose(tape, curvature));
+    const lg_var links = lg_matmul(tape, lg_band_matrix(tape, k, 1.0, 1.0, 0.0), light),
+                 above = lg_mul(tape, lg_band_matrix(tape, k, 0.0, 0.0, -1.0), light);
+    c.rate = lg_mul(tape, c.gravity, lg_slice(tape, curvature, 1, 0, 1));
+    c.own = lg_mul(tape, lg_mul(tape, lg_unit_matrix(tape, k), links), scale);
+    c.next = lg_mul(tape, lg_add(tape, above, lg_transpose(tape, above)), scale);
     return c;
 }
 
 /* ---- Lagrangian ---- */
 
-/* The second part v = (q_i (q_i.q_i'') - q_i'') of the LIE field, (B, k, 3); notation as at lg_system_ode. */
+/* The second part v = (q_i (q_i.q_i'') - q_i'') of the LIE field, (B, k, 3); as in chain_derivatives.c. */
 static lg_var compose(lg_tape *tape, lg_var q, lg_var omega, lg_var parameters) {
     const uint32_t k = lg_var_shape(tape, q).dims[1];
     const taped_chain c = bind(tape, k, parameters);
-    lg_var gravity = lg_mul(tape, c.gravity, e3_first(tape, k)); /* (1, k, 3) */
-    lg_var gram = lg_matmul_nt(tape, q, q);
-    lg_var T = lg_add(tape, c.links, lg_mul(tape, c.coupling, gram));
-    lg_var weight = lg_sum_axis(tape, lg_mul(tape, gravity, q), -1, true);
-    lg_var b = lg_sub(tape, lg_mul(tape, c.length, lg_rownorm2(tape, omega)), weight);
-    lg_var pull = lg_mul(tape, lg_spd_solve(tape, T, b), q);
-    lg_var a = lg_mul(tape, c.light, lg_matmul(tape, lg_band_matrix(tape, k, 0.0, -1.0, 1.0), pull));
-    lg_var jump = lg_sub(tape, lg_matmul(tape, lg_band_matrix(tape, k, -1.0, 1.0, 0.0), a), gravity);
-    lg_var second = lg_mul(tape, c.curvature, jump);
+    const lg_var fall = lg_mul(tape, c.rate, e3_first(tape, k)); /* (1, k, 3) */
+    const lg_var T = lg_add(tape, c.own, lg_mul(tape, c.next, lg_matmul_nt(tape, q, q)));
+    const lg_var weight = lg_sum_axis(tape, lg_mul(tape, fall, q), -1, true);
+    const lg_var lambda = lg_spd_solve(tape, T, lg_sub(tape, lg_rownorm2(tape, omega), weight));
+    const lg_var pulled = lg_matmul(tape, lg_add(tape, c.own, c.next), lg_mul(tape, lambda, q));
+    const lg_var second = lg_neg(tape, lg_add(tape, fall, pulled));
     return lg_sub(tape, lg_mul(tape, q, lg_rowdot(tape, q, second)), second);
 }
 
@@ -83,16 +78,9 @@ static lg_status field_numeric_vjp(void *user, lg_dtype dtype, const void *const
 
 static lg_status field_vjp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y, lg_var g,
                            const bool *need, lg_var *out) {
-    lg_var x[VARIABLES], wanted[VARIABLES], found[VARIABLES];
+    lg_var x[VARIABLES];
     const lg_var value = composed(tape, in, x);
-    size_t count = 0;
-    for (size_t i = 0; i < VARIABLES; i++)
-        if (need[i]) wanted[count++] = x[i];
-    LG_TRY(lg_vjp(tape, &value, &g, 1, wanted, count, found));
-    count = 0;
-    for (size_t i = 0; i < VARIABLES; i++)
-        if (need[i]) out[i] = found[count++];
-    return LG_OK;
+    return lg_vjp(tape, &value, &g, 1, x, VARIABLES, out);
 }
 
 static lg_status field_jvp(void *user, lg_tape *tape, const lg_var *in, size_t n, lg_var y,
@@ -141,9 +129,7 @@ lg_status lg_chain_taped_hamiltonian(const lg_system *system, lg_tape *tape, lg_
                                      lg_var input, lg_var parameters, lg_var *algebra) {
     const uint32_t k = (uint32_t)system->links;
     const taped_chain c = bind(tape, k, parameters);
-    lg_var scaled = lg_mul(tape, lg_add(tape, c.links, c.coupling), c.curvature);
-    lg_var W = lg_mul(tape, scaled, lg_transpose(tape, c.curvature));
-    lg_var lambda, v = lg_tied_velocity(tape, W, y[0], y[1], &lambda);
+    lg_var lambda, v = lg_tied_velocity(tape, lg_add(tape, c.own, c.next), y[0], y[1], &lambda);
     lg_var mu = lg_matmul(tape, lg_upper_ones(tape, k), c.mass);
     lg_var weight = lg_mul(tape, c.gravity, lg_mul(tape, mu, c.length)); /* (1, k, 1) */
     lg_var g = lg_sub(tape, lg_mul(tape, weight, e3_first(tape, 1)), lg_mul(tape, lambda, v));

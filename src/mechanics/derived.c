@@ -49,9 +49,7 @@ static void open_state(lg_tape *tape, const lg_system *system, const lg_var *par
         if (copied) s->y[i] = lg_scale(tape, s->y[i], 1.0);
         if (i % 2 == 1) s->size += width_of(s, i);
     }
-    for (int kind = 0; kind < 3; kind++)
-        for (size_t i = 0; i < s->parts; i += 2)
-            if (kind_of(s, i) == kind) s->seen[seen++] = s->y[i];
+    for (size_t i = s->parts; i > 0; i -= 2) s->seen[seen++] = s->y[i - 2];
     s->at = (lg_at){.rows = s->rows, .size = s->size, .parameters = parameters, .state = s->seen};
 }
 
@@ -93,11 +91,6 @@ static lg_var mass(const state *s) {
     return lg_broadcast_to(s->tape, M, lg_shape3(s->rows, s->size, s->size));
 }
 
-/* a.b over axis 1, (B, 1). */
-static lg_var dot(const state *s, lg_var a, lg_var b) {
-    return lg_sum_axis(s->tape, lg_sum_axis(s->tape, lg_mul(s->tape, a, b), 1, false), 1, true);
-}
-
 /* v and l; returns v. */
 static lg_var velocities(const state *s, lg_var *multipliers) {
     const lg_var P = momenta(s), N = constraints(s), M = mass(s);
@@ -110,13 +103,13 @@ static lg_var velocities(const state *s, lg_var *multipliers) {
     return lg_sub(s->tape, free, lg_matmul(s->tape, of_N, *multipliers));
 }
 
-/* H (B, 1) at v and l. */
+/* H (B, 1) at v and l: v.(P - M v/2 - N l) + V. */
 static lg_var energy(const state *s, lg_var v, lg_var multipliers) {
-    const lg_var N = constraints(s);
-    lg_var H = lg_sub(s->tape, dot(s, momenta(s), v),
-                      lg_scale(s->tape, dot(s, v, lg_matmul(s->tape, mass(s), v)), 0.5));
-    if (!lg_is_none(N)) H = lg_sub(s->tape, H, dot(s, multipliers, lg_matmul_tn(s->tape, N, v)));
-    return s->row->potential == NULL ? H : lg_add(s->tape, H, s->row->potential(s->tape, &s->at));
+    const lg_var N = constraints(s), half = lg_scale(s->tape, lg_matmul(s->tape, mass(s), v), 0.5);
+    lg_var rest = lg_sub(s->tape, momenta(s), half);
+    if (!lg_is_none(N)) rest = lg_sub(s->tape, rest, lg_matmul(s->tape, N, multipliers));
+    const lg_var T = lg_reshape(s->tape, lg_matmul_tn(s->tape, v, rest), lg_shape2(s->rows, 1));
+    return s->row->potential == NULL ? T : lg_add(s->tape, T, s->row->potential(s->tape, &s->at));
 }
 
 /* H of the state that is opened in *out. */

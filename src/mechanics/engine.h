@@ -44,8 +44,6 @@ lg_var lg_body_velocity(lg_tape *tape, lg_var inertia, lg_var R, lg_var pi);
 
 /* The table of rows (mechanics/system.c), ended by NULL. */
 extern const lg_energy_row *const lg_energy_rows[];
-extern const lg_energy_row lg_energy_oscillator, lg_energy_quartic, lg_energy_coupled, lg_energy_attitude,
-    lg_energy_top, lg_energy_chain;
 
 extern const double lg_row_attitude[9]; /* the unit matrix, a default of attitudes */
 /* Sets the members `count` and `coordinates` of a row with two coordinates. */

@@ -90,25 +90,24 @@ static double spatial_invariant(const lg_system *system, size_t index, const dou
 }
 
 /* omega and tau, or tau - omega x pi for the cotangent bundle, with the torque tau = Gamma0 x Q arm. */
-static lg_status spatial(lg_tape *tape, const lg_var *y, lg_var numbers, lg_var arm, bool cotangent,
-                         lg_var *algebra) {
+LG_TAPED_FIELD(top) {
+    const bool cotangent = system->space.factor[0].kind == LG_SPACE_SE3,
+               quadratic = cotangent && system->space.factors > 1;
     const lg_shape line = lg_shape3(lg_var_shape(tape, y[0]).dims[0], 1, 3);
     const lg_var Q = lg_row_matrices(tape, y[0]), pi = lg_reshape(tape, y[1], line),
                  omega = lg_body_velocity(tape, lg_slice(tape, numbers, 0, INERTIA, 3), Q, pi);
-    const lg_var gamma0 = lg_broadcast_to(tape, lg_slice(tape, numbers, 0, GAMMA0, 3), line);
-    lg_var f = lg_cross(tape, gamma0, lg_matmul_nt(tape, lg_broadcast_to(tape, arm, line), Q));
+    const lg_var shift = quadratic ? lg_reshape(tape, lg_slice(tape, y[2], 1, 3, 3), line) : LG_NONE;
+    const lg_var gamma0 = lg_broadcast_to(tape, lg_slice(tape, numbers, 0, GAMMA0, 3), line),
+                 arm = lg_broadcast_to(tape, taped_arm(tape, numbers, shift), line);
+    lg_var f = lg_cross(tape, gamma0, lg_matmul_nt(tape, arm, Q));
     if (cotangent) f = lg_sub(tape, f, lg_cross(tape, omega, pi));
     algebra[0] = omega;
     algebra[1] = lg_reshape(tape, f, lg_var_shape(tape, y[1]));
+    if (!quadratic) return lg_tape_status(tape);
+    const lg_var q = lg_neg(tape, lg_add(tape, arm, lg_matmul(tape, gamma0, Q))), /* q' and p' */
+        change[2] = {q, lg_full(tape, line, 0.0)};
+    algebra[2] = lg_reshape(tape, lg_concat(tape, change, 2, 2), lg_var_shape(tape, y[2]));
     return lg_tape_status(tape);
-}
-
-LG_TAPED_FIELD(direct) {
-    return spatial(tape, y, numbers, taped_arm(tape, numbers, LG_NONE), false, algebra);
-}
-
-LG_TAPED_FIELD(cotangent) {
-    return spatial(tape, y, numbers, taped_arm(tape, numbers, LG_NONE), true, algebra);
 }
 
 /* ---- cotangent, direct ---- */
@@ -119,7 +118,7 @@ const lg_system_row lg_system_row_top_cotangent = {
     .form = "cotangent",
     .factor = {{LG_SPACE_SE3, 1}},
     .invariant = spatial_invariant,
-    LG_RECORDED(cotangent),
+    LG_RECORDED(top),
     SPATIAL,
 };
 
@@ -127,7 +126,7 @@ const lg_system_row lg_system_row_top_direct = {
     .form = "direct",
     .factor = {{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}},
     .invariant = spatial_invariant,
-    LG_RECORDED(direct),
+    LG_RECORDED(top),
     SPATIAL,
 };
 
@@ -182,24 +181,13 @@ static double quadratic_generating(const lg_system *system, const double *y, dou
     return spatial_energy(system->parameters, y, arm) + 0.5 * lg_dot3(arm, arm);
 }
 
-LG_TAPED_FIELD(quadratic) {
-    const lg_shape line = lg_shape3(lg_var_shape(tape, y[0]).dims[0], 1, 3);
-    const lg_var shift = lg_reshape(tape, lg_slice(tape, y[2], 1, 3, 3), line),
-                 arm = taped_arm(tape, numbers, shift),
-                 gamma0 = lg_broadcast_to(tape, lg_slice(tape, numbers, 0, GAMMA0, 3), line);
-    const lg_var gamma = lg_matmul(tape, gamma0, lg_row_matrices(tape, y[0]));
-    const lg_var change[2] = {lg_neg(tape, lg_add(tape, arm, gamma)), lg_full(tape, line, 0.0)};
-    algebra[2] = lg_reshape(tape, lg_concat(tape, change, 2, 2), lg_var_shape(tape, y[2]));
-    return spatial(tape, y, numbers, arm, true, algebra);
-}
-
 const lg_system_row lg_system_row_top_quadratic = {
     .form = "quadratic",
     .unreported = 6,
     .factor = {{LG_SPACE_SE3, 1}, {LG_SPACE_RN, 6}},
     .invariant = quadratic_invariant,
     .generating = quadratic_generating,
-    LG_RECORDED(quadratic),
+    LG_RECORDED(top),
     SPATIAL,
 };
 

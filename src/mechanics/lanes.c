@@ -36,7 +36,6 @@ INLINE lanes field_positive(lanes x) {
 #include "mechanics/fields/chain.inc"
 #include "mechanics/fields/chain_hamiltonian.inc"
 #include "mechanics/fields/chain_lagrangian.inc"
-#include "mechanics/fields/oscillators.inc"
 
 #define FIELD_ON_LANES
 #define FIELD_NUMBER(x) lie_all(x)
@@ -44,32 +43,35 @@ INLINE lanes field_positive(lanes x) {
 
 #define SEPARABLE(name, n)                                                                                   \
     INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
-        name##_velocity_of(y + (n), out);                                                                    \
-        name##_force_of(y, out + (n));                                                                       \
+        name##_velocity(y + (n), NULL, NULL, out, NULL);                                                     \
+        name##_force(y, NULL, NULL, out + (n), NULL);                                                        \
     }
 SEPARABLE(oscillator, 1)
 SEPARABLE(quartic, 2)
-SEPARABLE(coupled, 2)
+SEPARABLE(coupled_oscillators, 2)
 
-/* Fields of rigid bodies, which use parameters but no constants and no workspace. The ambient field is the
- * generator of the LIE field, on one copy of `kind` followed by R^n; an algebra element has m numbers. */
-#define BODY(name, m, kind)                                                                                  \
+/* Rigid bodies, whose fields use no constants and no workspace, X(function, system, form, numbers of an
+ * algebra element, kind of the first factor, loop): the ambient field is the generator of the LIE field, on
+ * one copy of this kind followed by R^n. */
+#define BODIES(X)                                                                                            \
+    X(rigid_body, "rigid-body", NULL, 3, SO3_DUAL, rigid_body_ambient_lanes_loop)                            \
+    X(rigid_body_attitude, "rigid-body-attitude", NULL, 6, SO3, NULL)                                        \
+    X(heavy_top_cotangent, "heavy-top", "cotangent", 6, SE3, NULL)                                           \
+    X(heavy_top_direct, "heavy-top", "direct", 6, SO3, NULL)                                                 \
+    X(heavy_top_lie_poisson, "heavy-top", "lie-poisson", 6, SE3_DUAL, NULL)                                  \
+    X(heavy_top_quadratic, "heavy-top", "quadratic", 12, SE3, NULL)
+#define BODY(name, system, form, m, kind, loop)                                                              \
     INLINE void name##_lanes(const lane_problem *problem, const lanes *y, lanes *out) {                      \
         name##_field(y, problem->parameter, NULL, out, NULL);                                                \
     }                                                                                                        \
     INLINE void name##_ambient_lanes(const lane_problem *problem, const lanes *y, lanes *out) {              \
         lanes a[m];                                                                                          \
         name##_lanes(problem, y, a);                                                                         \
-        lane_generate_copy(kind, a, y, out);                                                                 \
-        const size_t own = lane_kinds[kind].algebra, at = lane_kinds[kind].state;                            \
+        lane_generate_copy(LG_SPACE_##kind, a, y, out);                                                      \
+        const size_t own = lane_kinds[LG_SPACE_##kind].algebra, at = lane_kinds[LG_SPACE_##kind].state;      \
         memcpy(out + at, a + own, ((m)-own) * sizeof *a);                                                    \
     }
-BODY(rigid_body, 3, LG_SPACE_SO3_DUAL)
-BODY(rigid_body_attitude, 6, LG_SPACE_SO3)
-BODY(heavy_top_direct, 6, LG_SPACE_SO3)
-BODY(heavy_top_cotangent, 6, LG_SPACE_SE3)
-BODY(heavy_top_lie_poisson, 6, LG_SPACE_SE3_DUAL)
-BODY(heavy_top_quadratic, 12, LG_SPACE_SE3)
+BODIES(BODY)
 
 INLINE void write_lie(const lanes *y, const lanes *a, lanes *out) {
     const lanes along = field_dot(y, a);
@@ -102,7 +104,7 @@ CHAIN(hamiltonian_ambient, hamiltonian_ambient_of(&chain, y, problem->work, out)
     }
 CLASSICAL_LOOP(oscillator_lanes, 2)
 CLASSICAL_LOOP(quartic_lanes, 4)
-CLASSICAL_LOOP(coupled_lanes, 4)
+CLASSICAL_LOOP(coupled_oscillators_lanes, 4)
 CLASSICAL_LOOP(pendulum_ambient_lanes, 6)
 CLASSICAL_LOOP(rigid_body_ambient_lanes, 3)
 
@@ -125,10 +127,16 @@ typedef struct lane_entry {
     void (*loop)(lane_run *r); /* for classical schemes; NULL: classical_loop */
 } lane_entry;
 
+#define ENTRY(name, system, form, m, kind, loop)                                                             \
+    {system, form, 0, {name##_lanes, name##_ambient_lanes}, loop},
 static const lane_entry entries[] = {
     {"oscillator", NULL, 0, {oscillator_lanes, oscillator_lanes}, oscillator_lanes_loop},
     {"quartic", NULL, 0, {quartic_lanes, quartic_lanes}, quartic_lanes_loop},
-    {"coupled-oscillators", NULL, 0, {coupled_lanes, coupled_lanes}, coupled_lanes_loop},
+    {"coupled-oscillators",
+     NULL,
+     0,
+     {coupled_oscillators_lanes, coupled_oscillators_lanes},
+     coupled_oscillators_lanes_loop},
     {"pendulum-chain",
      "lagrangian",
      1,
@@ -136,13 +144,7 @@ static const lane_entry entries[] = {
      pendulum_ambient_lanes_loop},
     {"pendulum-chain", "lagrangian", 0, {lagrangian_lie_lanes, lagrangian_ambient_lanes}, NULL},
     {"pendulum-chain", "hamiltonian", 0, {hamiltonian_lie_lanes, hamiltonian_ambient_lanes}, NULL},
-    {"rigid-body", NULL, 0, {rigid_body_lanes, rigid_body_ambient_lanes}, rigid_body_ambient_lanes_loop},
-    {"rigid-body-attitude", NULL, 0, {rigid_body_attitude_lanes, rigid_body_attitude_ambient_lanes}, NULL},
-    {"heavy-top", "cotangent", 0, {heavy_top_cotangent_lanes, heavy_top_cotangent_ambient_lanes}, NULL},
-    {"heavy-top", "direct", 0, {heavy_top_direct_lanes, heavy_top_direct_ambient_lanes}, NULL},
-    {"heavy-top", "lie-poisson", 0, {heavy_top_lie_poisson_lanes, heavy_top_lie_poisson_ambient_lanes}, NULL},
-    {"heavy-top", "quadratic", 0, {heavy_top_quadratic_lanes, heavy_top_quadratic_ambient_lanes}, NULL},
-};
+    BODIES(ENTRY)};
 
 static const lane_entry *entry_of(const lg_lane_plan *plan) {
     for (size_t i = 0; i < LG_COUNT(entries); i++)

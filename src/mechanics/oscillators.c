@@ -3,10 +3,7 @@
  * harmonic, whose energy G is a further first integral (coupled-oscillators, for the experiment with noise).
  */
 #include "mechanics/engine.h"
-#include "mechanics/fields/scalars.h"
 #include "mechanics/system.h"
-
-#include "mechanics/fields/oscillators.inc"
 
 static const lg_parameter_entry no_parameters[] = {{.key = NULL}};
 static const lg_state_entry one_degree[] = {
@@ -25,14 +22,6 @@ static double oscillator_energy(const lg_system *system, size_t index, const dou
     return 0.5 * (y[0] * y[0] + y[1] * y[1]);
 }
 
-#define HALF(name)                                                                                           \
-    static lg_status name(void *user, double t, const double *y, const double *input, double *out) {         \
-        name##_of(y, out);                                                                                   \
-        return LG_OK;                                                                                        \
-    }
-HALF(oscillator_force)
-HALF(oscillator_velocity)
-
 /* The midpoint rule: L_d(q0, q1) = h ((q1 - q0)^2/h^2 - (q0 + q1)^2/4)/2, p0 = -D_1 L_d, p1 = D_2 L_d. */
 static lg_status oscillator_step(void *user, double t, double h, double *y) {
     const double a = 0.25 * h * h, s = 1.0 / (1.0 + a), q = y[0], p = y[1];
@@ -49,15 +38,15 @@ static lg_var identity_velocity(lg_tape *tape, lg_var p, lg_var parameters) {
     return p;
 }
 
-#define SEPARABLE .parameters = no_parameters, .structure = LG_STRUCTURE_HAMILTONIAN
+#define SEPARABLE                                                                                            \
+    .parameters = no_parameters, .structure = LG_STRUCTURE_HAMILTONIAN, .force = lg_recorded_force,          \
+    .velocity = lg_recorded_velocity
 const lg_system_row lg_system_row_oscillator = {
     .name = "oscillator",
     .state = one_degree,
     .factor = {{LG_SPACE_RN, 2}},
     .invariants = energy_only,
     .invariant = oscillator_energy,
-    .force = oscillator_force,
-    .velocity = oscillator_velocity,
     .step = oscillator_step,
     .taped_force = oscillator_taped_force,
     .taped_velocity = identity_velocity,
@@ -71,9 +60,6 @@ static double quartic_energy(const lg_system *system, size_t index, const double
     return 0.5 * (5.0 * y[2] * y[2] - 2.0 * y[2] * y[3] + 5.0 * y[3] * y[3]) + 0.25 * (a * a + b * b) +
            0.5 * (a + b);
 }
-
-HALF(quartic_force)
-HALF(quartic_velocity)
 
 static lg_var quartic_taped_force(lg_tape *tape, lg_var q, lg_var parameters) {
     return lg_neg(tape, lg_mul(tape, q, lg_add_scalar(tape, lg_square(tape, q), 1.0)));
@@ -90,8 +76,6 @@ const lg_system_row lg_system_row_quartic = {
     .factor = {{LG_SPACE_RN, 4}},
     .invariants = energy_only,
     .invariant = quartic_energy,
-    .force = quartic_force,
-    .velocity = quartic_velocity,
     .taped_force = quartic_taped_force,
     .taped_velocity = quartic_taped_velocity,
     SEPARABLE,
@@ -103,9 +87,6 @@ static double coupled_invariant(const lg_system *system, size_t index, const dou
     const double first = 0.5 * (y[0] * y[0] + y[2] * y[2]), b = y[1] * y[1];
     return index == 0 ? first + 0.5 * (y[3] * y[3] + b) + 0.25 * b * b : first;
 }
-
-HALF(coupled_force)
-HALF(coupled_velocity)
 
 static lg_var coupled_taped_force(lg_tape *tape, lg_var q, lg_var parameters) {
     static const double second[2] = {0.0, 1.0};
@@ -121,8 +102,6 @@ const lg_system_row lg_system_row_coupled = {
     .factor = {{LG_SPACE_RN, 4}},
     .invariants = coupled_invariants,
     .invariant = coupled_invariant,
-    .force = coupled_force,
-    .velocity = coupled_velocity,
     .taped_force = coupled_taped_force,
     .taped_velocity = identity_velocity,
     SEPARABLE,

@@ -67,19 +67,15 @@ static const lg_parameter_entry parameters[] = {
 
 static const double position_fallback[3] = {-2.0, 0.0, 0.0}, zero[3] = {0.0, 0.0, 0.0};
 
-static const lg_state_entry links_state[] = {
-    {"y", 1, 1, 3, POSITION, 3, position_fallback},
-    {"v", 1, 1, 3, VELOCITY, 3, zero},
-    {"q", 2, 1, 3, LINK, LINK_SIZE, NULL},
-    {"omega", 2, 1, 3, LINK + 3, LINK_SIZE, zero},
-    {.key = NULL},
-};
+#define PAYLOAD_AND_LINKS                                                                                    \
+    {"y", 1, 1, 3, POSITION, 3, position_fallback}, {"v", 1, 1, 3, VELOCITY, 3, zero},                       \
+        {"q", 2, 1, 3, LINK, LINK_SIZE, NULL}, {                                                             \
+        "omega", 2, 1, 3, LINK + 3, LINK_SIZE, zero                                                          \
+    }
+static const lg_state_entry links_state[] = {PAYLOAD_AND_LINKS, {.key = NULL}};
 
 static const lg_state_entry attitudes_state[] = {
-    {"y", 1, 1, 3, POSITION, 3, position_fallback},
-    {"v", 1, 1, 3, VELOCITY, 3, zero},
-    {"q", 2, 1, 3, LINK, LINK_SIZE, NULL},
-    {"omega", 2, 1, 3, LINK + 3, LINK_SIZE, zero},
+    PAYLOAD_AND_LINKS,
     {"R", 2, 3, 3, BODY, BODY_SIZE, lg_row_attitude},
     {"Omega", 2, 1, 3, BODY + RATE, BODY_SIZE, zero},
     {.key = NULL},

@@ -9,10 +9,12 @@
 #include "mechanics/system.h"
 
 enum { FIELD, ENERGY, FUNCTIONS };
+enum { VELOCITY, FORCE }; /* of separable systems, in their place */
 
 typedef struct lg_written {
     const char *name, *form; /* of the system */
-    /* From y, parameters and t; NULL: the row has no taped energy. `work`: doubles that they need. */
+    /* From y (of separable systems p, q), parameters and t; NULL: the row has no taped energy. `work`: doubles
+     * that they need. */
     void (*function[FUNCTIONS])(const double *y, const double *parameters, const double *t, double *out,
                                 double *work);
     size_t work;
@@ -46,49 +48,60 @@ static lg_status record_energy(void *user, lg_tape *tape, const lg_var *theta, c
     return lg_tape_status(tape);
 }
 
+#define HALF(name)                                                                                           \
+    static lg_status record_##name(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,         \
+                                   lg_var *out) {                                                            \
+        out[0] = ((const lg_system *)user)->row->taped_##name(tape, in[0], in[1]);                           \
+        return lg_tape_status(tape);                                                                         \
+    }
+HALF(velocity)
+HALF(force)
+
 lg_status lg_recorded_program(const lg_system *system, lg_program **out, lg_error *error) {
     void *const user = (void *)(uintptr_t)system; /* never written */
-    const lg_shape numbers = lg_shape1((uint32_t)system->parameter_count);
-    const lg_port in[] = {{.name = "y", .shape = lg_shape1((uint32_t)system->space.dim), .high = 1},
+    const bool halves = system->row->force != NULL;
+    const lg_shape numbers = lg_shape1((uint32_t)system->parameter_count),
+                   state = lg_shape1((uint32_t)system->space.dim / (halves ? 2 : 1));
+    const lg_port in[] = {{.name = "y", .shape = state, .high = 1},
                           {.name = "parameters", .shape = numbers, .shared = true, .low = 0.5, .high = 1},
                           {.name = "t", .shape = lg_shape1(1)}},
                   result = {.name = "out"};
     const lg_function_spec functions[] = {{"field", in, LG_COUNT(in), &result, 1, record_field, user},
-                                          {"energy", in, LG_COUNT(in), &result, 1, record_energy, user}};
-    return lg_program_of(system->context, functions, system->row->taped_energy != NULL ? FUNCTIONS : 1, out,
-                         error);
+                                          {"energy", in, LG_COUNT(in), &result, 1, record_energy, user},
+                                          {"velocity", in, LG_COUNT(in), &result, 1, record_velocity, user},
+                                          {"force", in, LG_COUNT(in), &result, 1, record_force, user}};
+    return lg_program_of(system->context, functions + (halves ? FUNCTIONS : 0),
+                         halves || system->row->taped_energy != NULL ? FUNCTIONS : 1, out, error);
 }
 
 lg_status lg_recorded_create(lg_system *system) {
     const lg_system_row *row = system->row;
     lg_program *program;
     system->written = NULL;
+    system->recorded_work = 0;
     memset(system->plan, 0, sizeof system->plan);
-    if (row->field[LG_COORDINATES_LIE] != lg_recorded_field) return LG_OK;
+    if (row->field[LG_COORDINATES_LIE] != lg_recorded_field && row->force != lg_recorded_force) return LG_OK;
     for (size_t i = 0; i < LG_COUNT(written) && system->written == NULL; i++)
         if (strcmp(written[i].name, row->name) == 0 &&
             (row->form == NULL || strcmp(written[i].form, row->form) == 0))
             system->written = &written[i];
-    if (system->written != NULL) return LG_OK;
+    if (system->written != NULL) {
+        system->recorded_work = system->written->work;
+        return LG_OK;
+    }
     LG_TRY(lg_recorded_program(system, &program, NULL));
     lg_status status = LG_OK;
-    for (size_t i = 0; i < lg_program_functions(program) && status == LG_OK; i++)
+    for (size_t i = 0; i < lg_program_functions(program) && status == LG_OK; i++) {
         status = lg_plan_create(program, i, NULL, &system->plan[i], NULL);
+        if (status != LG_OK) break;
+        const size_t bytes = lg_plan_work_size(system->plan[i]) + 64; /* the plan's work is aligned */
+        if (bytes / sizeof(double) > system->recorded_work) system->recorded_work = bytes / sizeof(double);
+    }
     lg_program_destroy(program);
     return status;
 }
 
 /* ---- evaluation ---- */
-
-/* The work of a plan begins at a multiple of 64 bytes. */
-size_t lg_recorded_work(const lg_system *system) {
-    size_t most = 0;
-    for (int i = 0; i < FUNCTIONS; i++) {
-        const size_t bytes = system->plan[i] != NULL ? lg_plan_work_size(system->plan[i]) + 64 : 0;
-        most = bytes > most ? bytes : most;
-    }
-    return system->written != NULL ? system->written->work : most / sizeof(double);
-}
 
 static void evaluate(const lg_system *system, int function, double t, const double *y, double *out,
                      double *work) {
@@ -100,11 +113,15 @@ static void evaluate(const lg_system *system, int function, double t, const doub
                      (void *)from);
 }
 
-lg_status lg_recorded_field(void *user, double t, const double *y, const double *input, double *out) {
-    const lg_system_user *own = user;
-    evaluate(own->system, FIELD, t, y, out, own->work);
-    return LG_OK;
-}
+#define RECORDED(name, function)                                                                             \
+    lg_status name(void *user, double t, const double *y, const double *input, double *out) {                \
+        const lg_system_user *own = user;                                                                    \
+        evaluate(own->system, function, t, y, out, own->work);                                               \
+        return LG_OK;                                                                                        \
+    }
+RECORDED(lg_recorded_field, FIELD)
+RECORDED(lg_recorded_velocity, VELOCITY)
+RECORDED(lg_recorded_force, FORCE)
 
 double lg_recorded_energy(const lg_system *system, size_t index, const double *y, double *work) {
     double out;

@@ -79,7 +79,6 @@ LG_TAPED_FIELD(attitude) {
 
 const lg_system_row lg_system_row_attitude = {
     .name = "rigid-body-attitude",
-    .energy = &lg_energy_attitude,
     .parameters = parameters,
     .state = attitude_state,
     .factor = {{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}},

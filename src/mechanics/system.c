@@ -7,24 +7,12 @@
 
 #include "mechanics/engine.h"
 
-static const lg_system_row *const rows[] = {
-    &lg_system_row_oscillator,       &lg_system_row_quartic,           &lg_system_row_coupled,
-    &lg_system_row_chain_lagrangian, &lg_system_row_chain_hamiltonian, &lg_system_row_rigid_body,
-    &lg_system_row_attitude,         &lg_system_row_top_cotangent,     &lg_system_row_top_direct,
-    &lg_system_row_top_lie_poisson,  &lg_system_row_top_quadratic,     &lg_system_row_satellite,
-    &lg_system_row_quadrotors,       &lg_system_row_quadrotor_bodies,
-};
-
 /* ---- the tables ---- */
 
+#define ROW(name)    &lg_system_row_##name,
 #define ENERGY(name) &lg_energy_##name,
-const lg_energy_row *const lg_energy_rows[] = {&lg_energy_oscillator,
-                                               &lg_energy_quartic,
-                                               &lg_energy_coupled,
-                                               &lg_energy_attitude,
-                                               &lg_energy_top,
-                                               &lg_energy_chain,
-                                               LG_DERIVED_SYSTEMS(ENERGY) NULL};
+static const lg_system_row *const rows[] = {LG_SYSTEM_ROWS(ROW)};
+const lg_energy_row *const lg_energy_rows[] = {LG_ENERGIES(ENERGY) NULL};
 
 /* Row `index`; NULL beyond the last. */
 static const lg_system_row *row_at(size_t index) {
@@ -422,7 +410,7 @@ bool lg_system_separable(const lg_system *system) {
 /* Doubles of workspace that the row needs. If the ambient field is generated from the LIE field, the
  * workspace has algebra_dim more doubles behind them, for the value of the LIE field. */
 size_t lg_system_own_work(const lg_system *system) {
-    return in_all(system->row->work, system->links) + lg_recorded_work(system);
+    return in_all(system->row->work, system->links) + system->recorded_work;
 }
 
 size_t lg_system_work_size(const lg_system *system) {

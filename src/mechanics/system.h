@@ -1,8 +1,7 @@
 /* Internals of a system, and lg_system_row, the table row that describes one form of a system.
  *
- * A new system is a file with a row per form, which is also declared at the end of this header and listed in
- * system.c (docs/adding.md). Its parameters and the parts of its state are tables, which scenes, messages,
- * layouts and gradients read.
+ * A new system is a file with a row per form, which is also listed in LG_SYSTEM_ROWS (docs/adding.md). Its
+ * parameters and the parts of its state are tables, which scenes, messages, layouts and gradients read.
  */
 #ifndef LG_SYSTEM_H
 #define LG_SYSTEM_H
@@ -28,7 +27,7 @@ typedef enum lg_structure {
 
 typedef struct lg_system_row {
     const char *name, *form;              /* form is NULL if the system has one form only */
-    const lg_energy_row *energy;          /* M and V, for machines; NULL: not known */
+    const lg_energy_row *energy;          /* of a derived row: M and V */
     const lg_parameter_entry *parameters; /* the list ends with a NULL key */
     const lg_state_entry *state;          /* the list ends with a NULL key */
     size_t unreported;                    /* numbers at the end of the state that are not reported */
@@ -80,6 +79,7 @@ struct lg_system {
     double *constants;
     const struct lg_written *written; /* field and energy as C (recorded.c), or NULL: as plans */
     lg_plan *plan[2];
+    size_t recorded_work; /* doubles that they need */
 };
 
 size_t lg_system_constants(const lg_system *system);
@@ -107,21 +107,25 @@ const char *lg_trajectory_fault(const lg_trajectory_options *options);
 /* Adds the noise of trajectory `number` to its points of d numbers. */
 void lg_trajectory_disturb(const lg_trajectory_options *options, size_t d, size_t number, double *trajectory);
 
-/* The rows. The first form of a system is its default. */
-extern const lg_system_row lg_system_row_oscillator, lg_system_row_quartic, lg_system_row_coupled;
-extern const lg_system_row lg_system_row_chain_lagrangian, lg_system_row_chain_hamiltonian;
-extern const lg_system_row lg_system_row_rigid_body, lg_system_row_attitude;
-extern const lg_system_row lg_system_row_top_cotangent, lg_system_row_top_direct,
-    lg_system_row_top_lie_poisson, lg_system_row_top_quadratic;
-extern const lg_system_row lg_system_row_satellite, lg_system_row_quadrotors, lg_system_row_quadrotor_bodies;
+/* The rows, lg_system_row_NAME. The forms of a system are neighbours; the first one is its default. */
+#define LG_SYSTEM_ROWS(X)                                                                                    \
+    X(oscillator)                                                                                            \
+    X(quartic)                                                                                               \
+    X(coupled)                                                                                               \
+    X(chain_lagrangian) X(chain_hamiltonian) X(rigid_body) X(attitude) X(top_cotangent) X(top_direct)        \
+        X(top_lie_poisson) X(top_quadratic) X(satellite) X(quadrotors) X(quadrotor_bodies)
+#define LG_DECLARE_ROW(name) extern const lg_system_row lg_system_row_##name;
+LG_SYSTEM_ROWS(LG_DECLARE_ROW)
 
 /* Systems that are given by their energies alone, lg_energy_NAME (derived.c): their rows and fields follow.
  * The state is R, pi of rotations, then q, p of directions, then x, px of lines and angles, as in the
  * families of learned Hamiltonians; of lines and angles alone q, p on R^2n. The coordinates of the energies
  * have this order, and M has a row for each velocity: three for a rotation and for a direction. */
-#define LG_DERIVED_SYSTEMS(X)   X(cart_pole) X(rotary) X(arm)
+#define LG_DERIVED_SYSTEMS(X) X(cart_pole) X(rotary) X(arm)
+/* Their energies, after those of systems with a field of their own. */
+#define LG_ENERGIES(X)          X(oscillator) X(quartic) X(coupled) X(attitude) X(top) X(chain) LG_DERIVED_SYSTEMS(X)
 #define LG_DECLARE_ENERGY(name) extern const lg_energy_row lg_energy_##name;
-LG_DERIVED_SYSTEMS(LG_DECLARE_ENERGY)
+LG_ENERGIES(LG_DECLARE_ENERGY)
 const lg_system_row *lg_derived_row(size_t index); /* NULL beyond the last */
 
 /* ---- fields from their recordings (recorded.c) ----
@@ -129,13 +133,15 @@ const lg_system_row *lg_derived_row(size_t index); /* NULL beyond the last */
  * Rows with LG_RECORDED write their field on a tape only. In double it is straight C that a test writes from
  * the recording (fields/written.inc), or a plan if that file does not have the system yet. */
 lg_status lg_recorded_field(void *user, double t, const double *y, const double *input, double *out);
+lg_status lg_recorded_velocity(void *user, double t, const double *p, const double *input, double *out);
+lg_status lg_recorded_force(void *user, double t, const double *q, const double *input, double *out);
 /* lg_system_row.invariant of rows with taped_energy; `index` is not read. */
 double lg_recorded_energy(const lg_system *system, size_t index, const double *y, double *work);
-/* The program with the functions field (y, parameters, t) and energy, where the row has it. */
+/* The program with the functions field (y, parameters, t) and energy, where the row has it; of a separable
+ * system velocity (p, parameters, t) and force (q, parameters, t). */
 lg_status lg_recorded_program(const lg_system *system, lg_program **out, lg_error *error);
-/* Make the code or the plans of a system whose field is lg_recorded_field. */
+/* Make the code or the plans of a system whose row uses them. */
 lg_status lg_recorded_create(lg_system *system);
-size_t lg_recorded_work(const lg_system *system); /* doubles; 0 for other systems */
 
 #define LG_TAPED_FIELD(name)                                                                                 \
     static lg_status name(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,          \

@@ -8,7 +8,6 @@ autodiff/tape/backward autodiff/tape/derivatives autodiff/tape/rows
 nn/minimise nn/minimise_broyden nn/minimise_curvature nn/minimise_lm nn/minimise_newton
 nn/minimise_search
 nn/fit_methods nn/fit_ranks nn/fit_squares nn/fit_step
-mechanics/chain mechanics/chain_hamiltonian mechanics/chain_taped
 elastica/elastica_branches elastica/elastica_continuation
 anomaly/detector_train anomaly/detector_units
 anomaly/riser anomaly/riser_motion anomaly/riser_sea

@@ -12,7 +12,10 @@ static const char header[] =
     "/* Fields and energies of systems, written by test_fields from their recordings: run it with\n"
     " * LG_WRITE_PAGES=1 after a change of a recording. `number` is a double, or one number of many members "
     "of\n"
-    " * an ensemble; functions with branches, sines and energies are for doubles only. */\n";
+    " * an ensemble; functions with branches, sines and energies are for doubles only. */\n\n"
+    "static inline void field_copy(int n, const number *x, number *y) {\n"
+    "    for (int i = 0; i < n; i++) y[i] = x[i];\n"
+    "}\n";
 
 /* The system's functions without the macros before them, where `real` is `number` and helpers have the system's
  * name. */
@@ -22,12 +25,13 @@ static void put_code(FILE *out, const char *code, const char *name) {
                                     {"\nvoid ", "\nstatic inline void "},
                                     {"const real ", "const number "},
                                     {"real *", "number *"},
+                                    {"    copy(", "    field_copy("},
                                     {"REAL(", "FIELD_NUMBER("},
                                     {"SQRT(", "FIELD_SQRT("},
                                     {"SIN(", "FIELD_SIN("},
                                     {"COS(", "FIELD_COS("},
                                     {"    if (y0 == NULL) y0 = work;\n", ""}};
-    for (const char *at = strstr(code, "static NOINLINE void scalars_"); *at != '\0';) {
+    for (const char *at = code; *at != '\0';) {
         const char *value = strncmp(at, "    y0[", 7) == 0 ? strstr(at, "] = ") + 4 : NULL;
         size_t i = 0;
         while (i < LG_COUNT(words) && strncmp(at, words[i][0], strlen(words[i][0])) != 0) i++;
@@ -55,19 +59,24 @@ static void put_system(FILE *lanes, FILE *others, FILE *list, const lg_system *s
                    form != NULL ? form : "");
     for (char *c = name; *c != '\0'; c++)
         if (*c == '-') *c = '_';
-    const bool energy = lg_program_functions(program) > 1;
+    const size_t functions = lg_program_functions(program);
+    const char *last = functions > 1 ? lg_program_function_name(program, 1) : NULL;
+    const bool energy = last != NULL && strcmp(last, "energy") == 0;
     lg_c_options_init(&options);
     options.name = name;
     options.mark_unfit = false;
     assert_int_equal(lg_program_write_c(program, &options, &source, NULL), LG_OK);
     assert_int_equal(source->numbers + source->integers, 0);
-    const char *code = strstr(source->code, "static NOINLINE void scalars_");
-    assert_non_null(code);
+    const char *code = strstr(source->code, "static NOINLINE void scalars_"),
+               *public = strstr(source->code, "\nvoid ");
+    assert_non_null(public);
+    if (code == NULL || code > public) code = public;
     const bool plain = energy || strstr(code, " ? ") != NULL || strstr(code, "SIN(") != NULL;
     put_code(plain ? others : lanes, code, name);
     (void)fputc('\n', plain ? others : lanes);
-    (void)fprintf(list, " \\\n    {\"%s\", \"%s\", {%s_field, %s%s}, %zu},", lg_system_name(system),
-                  form != NULL ? form : "", name, energy ? name : "NULL", energy ? "_energy" : "",
+    (void)fprintf(list, " \\\n    {\"%s\", \"%s\", {%s_%s, %s%s%s}, %zu},", lg_system_name(system),
+                  form != NULL ? form : "", name, lg_program_function_name(program, 0),
+                  last != NULL ? name : "NULL", last != NULL ? "_" : "", last != NULL ? last : "",
                   source->work_size > 1 ? source->work_size : 0);
     lg_c_source_destroy(source);
     lg_program_destroy(program);
@@ -90,7 +99,8 @@ static char *write_all(void) {
         for (const lg_parameter_entry *p = lg_system_parameters(name, form); p->key != NULL; p++)
             if (p->fallback == NULL) given[options.parameter_count++] = (lg_named_values){p->key, &one, 1};
         const lg_system *system = make_system_with(name, &options);
-        if (system->row->field[LG_COORDINATES_LIE] == lg_recorded_field)
+        if (system->row->field[LG_COORDINATES_LIE] == lg_recorded_field ||
+            system->row->force == lg_recorded_force)
             put_system(out[1], out[2], out[3], system);
     }
     for (int i = 1; i < 4; i++) (void)fclose(out[i]);

@@ -43,23 +43,29 @@ static lg_status record_function(const differentiable *f, lg_tape *tape, const l
     return lg_program_record(tape, f->program, f->function, parameters, in, out);
 }
 
+/* Records the function; the chosen outputs and inputs. */
+static lg_status record_ends(const differentiable *f, lg_tape *tape, const lg_var *parameters,
+                             const lg_var *in, lg_var *of, lg_var *by) {
+    lg_var y[PORTS];
+    LG_TRY(f->record(f, tape, parameters, in, y));
+    for (size_t j = 0; j < f->of_count; j++) of[j] = y[f->of[j]];
+    for (size_t i = 0; i < f->by_count; i++) by[i] = in[f->by[i]];
+    return LG_OK;
+}
+
 /* in: the inputs, then one cotangent per chosen output. out: the cotangents of the chosen inputs. */
 static lg_status record_adjoint(const differentiable *self, lg_tape *tape, const lg_var *parameters,
                                 const lg_var *in, lg_var *out) {
     const differentiable *f = self->inner;
-    lg_var y[PORTS], of[PORTS], by[PORTS];
-    LG_TRY(f->record(f, tape, parameters, in, y));
-    for (size_t j = 0; j < f->of_count; j++) of[j] = y[f->of[j]];
-    for (size_t i = 0; i < f->by_count; i++) by[i] = in[f->by[i]];
+    lg_var of[PORTS], by[PORTS];
+    LG_TRY(record_ends(f, tape, parameters, in, of, by));
     return lg_vjp(tape, of, in + f->inputs, f->of_count, by, f->by_count, out);
 }
 
 static lg_status record_forward(const differentiable *f, lg_tape *tape, const lg_var *parameters,
                                 const lg_var *in, lg_var *out) {
-    lg_var y[PORTS], of[PORTS], by[PORTS];
-    LG_TRY(f->record(f, tape, parameters, in, y));
-    for (size_t j = 0; j < f->of_count; j++) of[j] = y[f->of[j]];
-    for (size_t i = 0; i < f->by_count; i++) by[i] = in[f->by[i]];
+    lg_var of[PORTS], by[PORTS];
+    LG_TRY(record_ends(f, tape, parameters, in, of, by));
     return lg_jvp(tape, of, f->of_count, by, in + f->inputs, f->by_count, out);
 }
 
