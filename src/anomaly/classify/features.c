@@ -1,5 +1,5 @@
 /* Features of windows: the table of kinds and the choice of channels. Computation, derivative and names of
- * each kind are in features_code.c, features_spectrum.c and features_rocket.c. */
+ * each kind are in features_code.c and features_rocket.c. */
 #include "anomaly/classify/features.h"
 
 #include <math.h>
@@ -182,7 +182,6 @@ void lg_features_reverse(const lg_features *features, const double *cotangent, d
     const size_t n = window_size(features);
     memset(gradient, 0, n * sizeof *gradient);
     if (kind->vjp != NULL) kind->vjp(features, work, cotangent, gradient, work + n);
-    if (kind->reverse != NULL) kind->reverse(features, cotangent, work, gradient);
 }
 
 int lg_channel_name(const lg_series *series, uint32_t channel, char *text, size_t size) {
