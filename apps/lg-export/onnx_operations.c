@@ -1,4 +1,5 @@
-/* The operations of the library in ONNX: one row per operation in the table at the end of this file. */
+/* The operations of the library in ONNX: those in the table at the end of this file by a function each, elementwise
+ * ones by their scalar code. */
 #include <math.h>
 #include <string.h>
 
@@ -48,8 +49,8 @@ static onnx_name angle(onnx_job *j, onnx_name rise, onnx_name run) {
     return onnx_where(j, negative(j, rise), onnx_unary(j, "Neg", turn), turn);
 }
 
-/* Adds the nodes of an instruction whose operands are `in`. */
-static onnx_name instruction(onnx_job *j, const lg_scalar_code *c, const onnx_name *in) {
+/* Adds the nodes of an instruction whose operands are `in`; a single node gives the value `out`. */
+static onnx_name instruction(onnx_job *j, const lg_scalar_code *c, const onnx_name *in, onnx_name out) {
     static const char *const types[LG_SCALAR_OPS] = {
         [LG_S_ADD] = "Add",   [LG_S_SUB] = "Sub",        [LG_S_MUL] = "Mul",   [LG_S_DIV] = "Div",
         [LG_S_NEG] = "Neg",   [LG_S_MAX] = "Max",        [LG_S_SQRT] = "Sqrt", [LG_S_ABS] = "Abs",
@@ -69,12 +70,14 @@ static onnx_name instruction(onnx_job *j, const lg_scalar_code *c, const onnx_na
     case LG_S_ATAN2:
         return angle(j, in[0], in[1]);
     default:
-        return onnx_emit(j, types[c->op], in, lg_scalar_instructions(c->op), NULL);
+        onnx_emit_to(j, out.text, types[c->op], in, lg_scalar_instructions(c->op), NULL, 0);
+        return out;
     }
 }
 
 /* Adds the nodes of the operation's scalar code, from the elements x of its inputs, one input behind the
- * other, to the elements y of its output. */
+ * other, to the elements y of its output. Where y is one element and has a name, the value gets this name if
+ * it is the result of a node. */
 static void add_code(onnx_job *j, const lg_op *row, const lg_evaluation *e, const onnx_name *x,
                      onnx_name *y) {
     lg_scalars s;
@@ -93,31 +96,38 @@ static void add_code(onnx_job *j, const lg_op *row, const lg_evaluation *e, cons
         const lg_scalar_code *c = &s.code[i];
         onnx_name operand[3];
         for (uint32_t k = 0; live[i] && k < lg_scalar_instructions(c->op); k++) operand[k] = value[c->in[k]];
-        if (live[i]) value[i] = c->op == LG_S_INPUT ? x[c->n] : instruction(j, c, operand);
+        const bool last = i == result[0] && e->count == 1 && y->text[0] != '\0';
+        if (live[i])
+            value[i] =
+                c->op == LG_S_INPUT ? x[c->n] : instruction(j, c, operand, last ? *y : onnx_new_name(j));
     }
     for (size_t i = 0; i < e->count; i++) {
         y[i] = value[result[i]];
-        if (s.code[result[i]].op == LG_S_CONSTANT && e->count > 1) /* for each matrix, as the others are */
+        if (s.code[result[i]].op == LG_S_CONSTANT) /* in the shape of x */
             y[i] = onnx_where(j, onnx_binary(j, "Equal", x[0], x[0]), y[i], y[i]);
     }
     lg_scalars_destroy(&s);
 }
 
-/* An operation of whole tensors, element by element. */
-static onnx_name elementwise(onnx_job *j, const char *operation, const lg_attr *attr, const onnx_name *x,
-                             uint32_t inputs) {
+/* An operation of whole tensors, element by element. `name`: of the value, see add_code. */
+static onnx_name elementwise(onnx_job *j, const lg_op *row, const lg_attr *attr, const onnx_name *x,
+                             uint32_t inputs, const char *name) {
     onnx_name y;
     const lg_shape one = lg_shape0(), *in[LG_MAX_INPUTS];
     for (uint32_t i = 0; i < inputs; i++) in[i] = &one;
     const lg_evaluation e = {.attr = attr, .inputs = inputs, .in = in, .shape = &one, .count = 1};
-    add_code(j, lg_op_named(operation), &e, x, &y);
+    (void)snprintf(y.text, sizeof y.text, "%s", name);
+    add_code(j, row, &e, x, &y);
     return y;
 }
 
 static bool by_elements(const onnx_operation *o) {
     lg_attr attr = {.c = o->op->real, .pointer = o->op->reals};
+    const lg_op *row = lg_op_named(o->op->name);
+    if (row == NULL || row->element == NULL) return false;
     for (size_t k = 0; k < LG_COUNT(attr.i); k++) attr.i[k] = (uint32_t)o->op->whole[k].base;
-    return onnx_give(o, elementwise(o->j, o->op->name, &attr, o->x, o->op->input_count));
+    const onnx_name y = elementwise(o->j, row, &attr, o->x, o->op->input_count, o->out);
+    return strcmp(y.text, o->out) == 0 || onnx_give(o, y);
 }
 
 static bool scaled(const onnx_operation *o) {
@@ -127,7 +137,7 @@ static bool scaled(const onnx_operation *o) {
 
 static onnx_name activated(onnx_job *j, uint32_t kind, onnx_name x) {
     const lg_attr attr = {.i = {kind}};
-    return kind == LG_RELU ? onnx_unary(j, "Relu", x) : elementwise(j, "act", &attr, &x, 1);
+    return kind == LG_RELU ? onnx_unary(j, "Relu", x) : elementwise(j, lg_op_named("act"), &attr, &x, 1, "");
 }
 
 static bool activation(const onnx_operation *o) {
@@ -343,52 +353,38 @@ static bool max_pool(const onnx_operation *o) {
 
 /* ---- the table ---- */
 
+static bool without_form(const onnx_operation *o) {
+    return false;
+}
+
+/* Operations that are not elementwise, have a form of their own, or exist in single precision only. */
 static const struct {
-    const char *name, *type; /* type: the ONNX operator that takes the same inputs, or NULL. */
+    const char *name;
     /* Returns false if this form of the operation does not exist in ONNX. */
     bool (*translate)(const onnx_operation *o);
     bool single; /* onnxruntime has it in single precision only. */
-} rows[] = {{"add", "Add", NULL, false},
-            {"sub", "Sub", NULL, false},
-            {"mul", "Mul", NULL, false},
-            {"div", "Div", NULL, false},
-            {"max", "Max", NULL, false},
-            {"sqrt", "Sqrt", NULL, false},
-            {"exp", "Exp", NULL, false},
-            {"log", "Log", NULL, false},
-            {"sin", "Sin", NULL, false},
-            {"cos", "Cos", NULL, false},
-            {"abs", "Abs", NULL, false},
-            {"stop_gradient", "Identity", NULL, false},
-            {"ge", NULL, by_elements, false},
-            {"sign", NULL, by_elements, false},
-            {"atan2", NULL, by_elements, true},
-            {"select", NULL, by_elements, false},
-            {"mix", NULL, by_elements, false},
-            {"combine", NULL, by_elements, false},
-            {"scale", NULL, scaled, false},
-            {"shift", NULL, by_elements, false},
-            {"pow", NULL, by_elements, false},
-            {"act", NULL, activation, false},
-            {"act_derivative", NULL, by_elements, false},
-            {"matmul", NULL, product, false},
-            {"rowdot", NULL, row_products, false},
-            {"cross", NULL, of_vectors, false},
-            {"sum", NULL, summed, false},
-            {"max_axis", NULL, maximum, false},
-            {"broadcast", NULL, repeated, false},
-            {"reshape", NULL, reshaped, false},
-            {"slice", NULL, sliced, false},
-            {"pad", NULL, padded, false},
-            {"concat", NULL, joined, false},
-            {"permute", NULL, permuted, false},
-            {"gather", NULL, gathered, false},
-            {"spd_factor", NULL, of_matrices, false},
-            {"spd_solve", NULL, of_matrices, false},
-            {"conv1d", NULL, convolution, true},
-            {"conv1d_block", NULL, block, true},
-            {"avg_pool1d", NULL, average_pool, true},
-            {"pool_pick", NULL, max_pool, false}};
+} rows[] = {{"atan2", by_elements, true},
+            {"scale", scaled, false},
+            {"act", activation, false},
+            {"matmul", product, false},
+            {"rowdot", row_products, false},
+            {"cross", of_vectors, false},
+            {"sum", summed, false},
+            {"max_axis", maximum, false},
+            {"broadcast", repeated, false},
+            {"reshape", reshaped, false},
+            {"slice", sliced, false},
+            {"pad", padded, false},
+            {"concat", joined, false},
+            {"permute", permuted, false},
+            {"gather", gathered, false},
+            {"spd_factor", of_matrices, false},
+            {"spd_solve", of_matrices, false},
+            {"conv1d", convolution, true},
+            {"conv1d_block", block, true},
+            {"avg_pool1d", average_pool, true},
+            {"pool_pick", max_pool, false},
+            {"dexpinv_coef", without_form, false}};
 
 /* Returns the row of an operation, or LG_COUNT(rows) if there is none. */
 static size_t row_of(const lg_operation *op) {
@@ -402,11 +398,8 @@ bool onnx_translate(onnx_job *j, uint32_t node) {
     const size_t row = row_of(op);
     const onnx_name out = onnx_name_of(j, node);
     onnx_operation o = {.j = j, .op = op, .out = out.text};
-    if (row == LG_COUNT(rows)) return false;
     for (uint32_t i = 0; i < op->input_count; i++) o.x[i] = onnx_name_of(j, op->inputs[i]);
-    if (rows[row].type == NULL) return rows[row].translate(&o);
-    onnx_emit_to(j, o.out, rows[row].type, o.x, op->input_count, NULL, 0);
-    return true;
+    return row < LG_COUNT(rows) ? rows[row].translate(&o) : by_elements(&o);
 }
 
 const char *onnx_single_only(const graph *g) {
