@@ -5,6 +5,11 @@
 
 #include "anomaly/classify/classify_internal.h"
 
+/* Number of features; length of `work` in doubles. */
+typedef struct lg_feature_sizes {
+    uint64_t count, work;
+} lg_feature_sizes;
+
 typedef struct lg_feature_row {
     const char *name;
     /* Number of parts into which a window is cut, for kinds that work on pairs of channels. 0: the kind does
@@ -12,8 +17,7 @@ typedef struct lg_feature_row {
     uint32_t segments;
     /* Largest number of frequency bands, for kinds that use band powers. 0: the kind does not use powers. */
     uint32_t bands;
-    uint64_t (*count)(const lg_features *f); /* number of features */
-    size_t (*work)(const lg_features *f);    /* length of `work` in doubles */
+    lg_feature_sizes (*sizes)(const lg_features *f);
     /* Either `code` and `vjp` (features_code.c), for a window x in double precision, or `compute`, whose
      * features have the derivative 0. vjp comes after code, with the same `work`. It adds the derivative for
      * the cotangent df to dx. */

@@ -83,47 +83,27 @@ static void compute_spectrum(const lg_features *self, const double *x, double *f
 
 /* ---- numbers of features, and of work memory ---- */
 
-static uint64_t raw_count(const lg_features *f) {
-    return (uint64_t)f->selected * f->length;
+static lg_feature_sizes raw_sizes(const lg_features *f) {
+    return (lg_feature_sizes){(uint64_t)f->selected * f->length, 0};
 }
 
-static uint64_t std_count(const lg_features *f) {
-    return f->selected;
+static lg_feature_sizes std_sizes(const lg_features *f) {
+    return (lg_feature_sizes){f->selected, f->length};
 }
 
-static uint64_t cov_count(const lg_features *f) {
+static lg_feature_sizes cov_sizes(const lg_features *f) {
     const uint64_t m = f->selected;
-    return m * (m + 1) / 2;
+    return (lg_feature_sizes){m * (m + 1) / 2, m * (f->length + 3 * m + 2)};
 }
 
-static uint64_t baseline_count(const lg_features *f) {
-    return 2 * (uint64_t)f->pairs;
+static lg_feature_sizes baseline_sizes(const lg_features *f) {
+    return (lg_feature_sizes){2 * (uint64_t)f->pairs, f->length + 2 * (uint64_t)f->segments * f->pairs};
 }
 
-static uint64_t spectrum_count(const lg_features *f) {
-    return (uint64_t)f->selected * f->bands;
-}
-
-static size_t raw_work(const lg_features *f) {
-    return 0;
-}
-
-static size_t std_work(const lg_features *f) {
-    return f->length;
-}
-
-static size_t cov_work(const lg_features *f) {
-    const size_t m = f->selected;
-    return m * (f->length + 3 * m + 2);
-}
-
-static size_t baseline_work(const lg_features *f) {
-    return f->length + 2 * (size_t)f->segments * f->pairs;
-}
-
-static size_t spectrum_work(const lg_features *f) {
-    return 2 * (size_t)f->length + f->spectrum.segment + (size_t)f->selected * f->bands +
-           lg_spectrum_work(&f->spectrum);
+static lg_feature_sizes spectrum_sizes(const lg_features *f) {
+    const lg_spectrum *s = &f->spectrum;
+    const uint64_t count = (uint64_t)f->selected * f->bands;
+    return (lg_feature_sizes){count, 2 * (uint64_t)f->length + s->segment + count + lg_spectrum_work(s)};
 }
 
 /* ---- names ---- */
@@ -178,8 +158,7 @@ static int describe_spectrum(const lg_features *f, const lg_series *series, uint
 
 #define KIND(kind, ...)                                                                                      \
     const lg_feature_row lg_feature_##kind = {.name = #kind,                                                 \
-                                              .count = kind##_count,                                         \
-                                              .work = kind##_work,                                           \
+                                              .sizes = kind##_sizes,                                         \
                                               .code = compute_##kind,                                        \
                                               .vjp = kind##_vjp,                                             \
                                               .describe = describe_##kind,                                   \
