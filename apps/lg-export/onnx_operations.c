@@ -1,5 +1,5 @@
-/* The operations of the library in ONNX: those in the table at the end of this file by a function each, elementwise
- * ones by their scalar code. */
+/* The operations of the library in ONNX: those in the table at the end of this file by a function each,
+ * elementwise ones by their scalar code. */
 #include <math.h>
 #include <string.h>
 
