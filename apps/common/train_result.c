@@ -74,12 +74,12 @@ void train_put_results(app_json *out, const lg_training *training, size_t first,
             else
                 app_json_close(out, at->bracket);
         } else if (!out->people || table || (depth == 0 && (at->type != LG_FIELD_REAL || !isnan(at->real)))) {
-            app_result_put(out, *at);
+            app_json_put(out, *at);
         } else if (depth == 1 && at->name != NULL) {
             lg_result member = *at;
             APP_FREE char *name = app_format("%s, %s", outer->name, at->name);
             member.name = name;
-            app_result_put(out, member);
+            app_json_put(out, member);
         }
     }
 }

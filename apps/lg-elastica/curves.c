@@ -145,27 +145,21 @@ void write_curves(const app *self, const char *path, const beam_curve *curves, s
     APP_MUST_FILE(self, path, lg_columns_write(&to, self->context, path, &error));
 }
 
-static void json_pairs(app_json *json, const char *key, const double *values, size_t count) {
-    app_json_open(json, key, '[');
-    for (size_t i = 0; i < count; i++) app_json_reals(json, NULL, values + 2 * i, 2);
-    app_json_close(json, ']');
-}
-
-static void show_nodes(app_json *out, const beam_nodes *nodes, size_t every) {
-    const size_t last = nodes->count - 1;
+void result_nodes(app_json *out, const beam_nodes *nodes, bool all) {
+    const size_t last = nodes->count - 1,
+                 every = all || last <= SHOWN_NODES ? 1 : (last + SHOWN_NODES - 1) / SHOWN_NODES;
+    for (int pairs = 0; pairs < 2; pairs++) {
+        app_json_open(out, pairs == 0 ? "q" : "v", '[');
+        for (size_t i = 0; i <= last; i++)
+            app_json_reals(out, NULL, (pairs == 0 ? nodes->q : nodes->v) + 2 * i, 2);
+        app_json_close(out, ']');
+    }
+    app_json_reals(out, "theta", nodes->theta, nodes->count);
+    if (!out->people || out->tabled) return;
     app_result_rows(out, NULL);
     for (size_t k = 0; k <= last; k = k < last && k + every > last ? last : k + every)
         for (size_t c = 0; c < COLUMNS; c++) app_json_real(out, columns[c], at_column(nodes, k, c));
     app_result_rows_end(out);
-}
-
-void result_nodes(app_json *out, const beam_nodes *nodes, bool all) {
-    const size_t last = nodes->count - 1;
-    json_pairs(out, "q", nodes->q, nodes->count);
-    json_pairs(out, "v", nodes->v, nodes->count);
-    app_json_reals(out, "theta", nodes->theta, nodes->count);
-    if (out->people && !out->tabled)
-        show_nodes(out, nodes, all || last <= SHOWN_NODES ? 1 : (last + SHOWN_NODES - 1) / SHOWN_NODES);
 }
 
 /* ---- plots ---- */

@@ -58,14 +58,6 @@ static int check_finite(const app *self, const lg_trajectories *test, const verd
     return APP_EXIT_OK;
 }
 
-static void warn_of_data(const app *self, const lg_hamiltonian_run *run, const lg_trajectories *test) {
-    const char *const *path = self->arguments;
-    if (run->system[0] != '\0' && test->system[0] != '\0' && strcmp(run->system, test->system) != 0)
-        app_warn(self, "%s was trained on %s, but %s holds %s", path[0], run->system, path[1], test->system);
-    if (values.record && strcmp(run->data_sha256, test->sha256) == 0)
-        app_warn(self, "--record: %s holds the data that %s was trained on", path[1], path[0]);
-}
-
 static void check_shape(const app *self, const lg_hamiltonian *model, const lg_trajectories *test) {
     const bool other = model->family != test->family;
     if (other || model->n != test->n)
@@ -135,7 +127,10 @@ static void run(app *self) {
     if (file.constraint != NULL) reading.constraint = lg_constraint_program(file.constraint);
     APP_FILE(self, data, lg_trajectories_read, &reading, &test);
     lg_warn_of_inputs(self->context, data, &test);
-    warn_of_data(self, &file.run, &test);
+    if (file.run.system[0] != '\0' && test.system[0] != '\0' && strcmp(file.run.system, test.system) != 0)
+        app_warn(self, "%s was trained on %s, but %s holds %s", model, file.run.system, data, test.system);
+    if (values.record && strcmp(file.run.data_sha256, test.sha256) == 0)
+        app_warn(self, "--record: %s holds the data that %s was trained on", data, model);
     self->code = evaluate(self, &file, &test);
     lg_recipe_release(&lg_recipe_hamiltonian, &file);
 }

@@ -82,21 +82,6 @@ static double mean_square(const lg_trajectories *test, const double *predicted) 
     return sum / ((double)test->count * (double)test->points * (double)test->state_dim);
 }
 
-static lg_status find_failure(const judgement *self, lg_error *error) {
-    for (size_t i = 0; i < self->test->count; i++) {
-        if (self->status[i] == LG_TOO_MANY_STEPS)
-            return lg_fail(
-                error, LG_TOO_MANY_STEPS,
-                "the learned flow of test trajectory %zu needs more than %zu steps at tolerance %g: the "
-                "model is far from a flow of these data; train it longer, or give a larger --tolerance",
-                i, MOST_STEPS + MOST_STEPS_A_POINT * self->test->points, self->tolerance);
-        if (self->status[i] != LG_OK)
-            return lg_fail(error, self->status[i], "the learned flow of test trajectory %zu: %s", i,
-                           lg_status_sentence(self->status[i]));
-    }
-    return LG_OK;
-}
-
 lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonian *model, const double *theta,
                 const lg_trajectories *test, double tolerance, double *predicted, verdict *out,
                 lg_error *error) {
@@ -105,11 +90,20 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
     APP_FREE lg_status *status = app_alloc(test->count, sizeof *status);
     judgement work = {context, model, learned, test, tolerance, predicted, status, false};
     app_parallel(threads, test->count, judge_one, &work);
-    const lg_status failure = find_failure(&work, error);
-    if (failure == LG_OK)
+    size_t i = 0;
+    while (i < test->count && status[i] == LG_OK) i++;
+    if (i == test->count)
         *out = (verdict){.e1 = mean_square(test, predicted), .e2 = energy_error(learned, test)};
     lg_model_destroy(learned);
-    return failure;
+    if (i == test->count) return LG_OK;
+    if (status[i] == LG_TOO_MANY_STEPS)
+        return lg_fail(
+            error, LG_TOO_MANY_STEPS,
+            "the learned flow of test trajectory %zu needs more than %zu steps at tolerance %g: the "
+            "model is far from a flow of these data; train it longer, or give a larger --tolerance",
+            i, MOST_STEPS + MOST_STEPS_A_POINT * test->points, tolerance);
+    return lg_fail(error, status[i], "the learned flow of test trajectory %zu: %s", i,
+                   lg_status_sentence(status[i]));
 }
 
 /* ---- relative errors ---- */

@@ -190,14 +190,6 @@ static void fit_windows(const app *self, adapting *a) {
     }
 }
 
-/* Whether the numbers have moved by more than chance explains in one of 200 cases: chi-squared by Wilson and
- * Hilferty. */
-static bool has_changed(const adapting *a) {
-    static const double normal = 2.576;
-    const double n = (double)a->to.count, part = 2 / (9 * n);
-    return a->found.change > n * pow(1 - part + normal * sqrt(part), 3);
-}
-
 /* ---- the judgement ---- */
 
 /* Root mean square errors of the free run of the rest; with `still` of a machine that stands still. */
@@ -249,10 +241,8 @@ static double value_of(const adapting *a, size_t k, double by) {
     const size_t n = machine->parameters;
     const bool factor = strcmp(a->to.names[k], "friction") == 0;
     APP_FREE double *from = app_alloc(2 * n, sizeof *from);
-    for (size_t i = 0; i < n; i++) {
-        from[i] = a->to.theta[i] - a->x[k] * a->to.directions[k * n + i];
-        from[n + i] = a->to.theta[i] + by * a->to.directions[k * n + i];
-    }
+    for (size_t i = 0; i < 2 * n; i++)
+        from[i] = a->to.theta[i % n] + (i < n ? -a->x[k] : by) * a->to.directions[k * n + i % n];
     (void)lg_machine_numbers(machine, from, LG_MACHINE_VALUES, before);
     size_t count = lg_machine_numbers(machine, from + n, LG_MACHINE_VALUES, after);
     if (count > LG_MACHINE_VALUES) count = LG_MACHINE_VALUES;
@@ -286,16 +276,6 @@ static void report(const app *self, const adapting *a) {
     if (values.out != NULL) app_result_text(out, "out", values.out, NULL);
 }
 
-static void save(const app *self, const adapting *a) {
-    lg_machine_model_file file = a->given.file;
-    file.run = a->to.run;
-    file.parameters = file.run.machine.parameters;
-    file.theta = a->to.theta;
-    file.spread = NULL;
-    file.provenance = app_provenance(self, a->to.run.training.seed);
-    APP_FILE(self, values.out, lg_recipe_save, &lg_recipe_machine_model, &file, NULL);
-}
-
 static void run(app *self) {
     APP_CLEAN(adapting_destroy) adapting a = {.cut = 0};
     double force[LG_MACHINE_VELOCITIES] = {0};
@@ -311,7 +291,10 @@ static void run(app *self) {
     find_forces(self, &a, force);
     APP_DO(self, lg_adaptation_create, self->arguments[0], &a.given.file, values.numbers, force, &a.to);
     fit_windows(self, &a);
-    a.kept = !has_changed(&a);
+    /* More than chance explains in one of 200 cases: chi-squared by Wilson and Hilferty. */
+    const double n = (double)a.to.count, part = 2 / (9 * n),
+                 chance = n * pow(1 - part + 2.576 * sqrt(part), 3);
+    a.kept = !(a.found.change > chance);
     for (size_t k = 0; k < a.to.count && a.kept; k++) a.x[k] = 0;
     judge(self, &a, &a.given.model, false, a.before);
     judge(self, &a, &a.given.model, true, a.unchanged);
@@ -321,7 +304,13 @@ static void run(app *self) {
     a.model.theta = a.to.theta;
     judge(self, &a, &a.model, false, a.after);
     warn(self, &a);
-    if (values.out != NULL) save(self, &a);
+    lg_machine_model_file file = a.given.file;
+    file.run = a.to.run;
+    file.parameters = file.run.machine.parameters;
+    file.theta = a.to.theta;
+    file.spread = NULL;
+    file.provenance = app_provenance(self, a.to.run.training.seed);
+    if (values.out != NULL) APP_FILE(self, values.out, lg_recipe_save, &lg_recipe_machine_model, &file, NULL);
     report(self, &a);
 }
 

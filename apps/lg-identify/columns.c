@@ -9,11 +9,6 @@ bool identify_is_state(const lg_log_column *column) {
     return column->role == LG_LOG_POSITION || column->role == LG_LOG_VELOCITY;
 }
 
-static bool is_angle(const lg_machine_file *file, uint32_t column) {
-    const lg_log_column *c = &file->columns[column];
-    return c->role == LG_LOG_POSITION && file->machine.coordinates[c->index].kind == LG_COORDINATE_ANGLE;
-}
-
 /* ---- attitudes ---- */
 
 /* The quaternion (w, x, y, z) of R. Its largest component is computed first, which avoids cancellation. */
@@ -47,33 +42,19 @@ static void put_attitude(const lg_log_coordinate *at, const double *position, co
     for (int i = 0; i < 4; i++) to[i] = dot < 0 ? -x[i] : x[i];
 }
 
-static void put_velocity(const lg_log_coordinate *at, const double *R, const double *v, double *columns) {
-    double *to = columns + at->velocity;
-    memcpy(to, v, at->velocities * sizeof *to);
-    if (at->space_frame) lg_so3_adjoint(R, v, to);
-}
-
 void identify_to_columns(const lg_machine_file *file, const double *q, const double *v, const double *before,
                          double *columns) {
     for (lg_machine_offsets of = {0}; lg_machine_next(&file->machine, &of);) {
         const lg_log_coordinate *at = &file->coordinates[of.index];
         memcpy(columns + at->place, q, at->places * sizeof *columns);
         if (at->attitudes > 0) put_attitude(at, q + at->places, before, columns);
-        if (at->velocities > 0) put_velocity(at, q + at->places, v, columns);
+        if (at->velocities > 0) memcpy(columns + at->velocity, v, at->velocities * sizeof *columns);
+        if (at->velocities > 0 && at->space_frame) lg_so3_adjoint(q + at->places, v, columns + at->velocity);
         q += of.positions, v += of.velocities;
     }
 }
 
 /* ---- runs as a log ---- */
-
-static void put_head(lg_columns *to, const lg_machine_file *file, bool bands) {
-    for (uint32_t c = 0; c < file->column_count; c++) lg_columns_name(to, file->columns[c].name);
-    for (uint32_t c = 0; c < file->column_count && bands; c++) {
-        APP_FREE char *name = app_format("%s.sd", file->columns[c].name);
-        if (identify_is_state(&file->columns[c])) lg_columns_name(to, name);
-    }
-    lg_columns_end(to);
-}
 
 /* run: NULL: it is a number. False: a state is not finite. */
 static bool put_row(lg_columns *to, const lg_machine_file *file, const double *columns, const char *run,
@@ -101,7 +82,12 @@ bool identify_write(const app *self, const char *path, const lg_machine_file *fi
     double columns[LG_LOG_COLUMNS] = {0};
     bool finite = true;
     *rows = 0;
-    put_head(&to, file, runs->bands != NULL);
+    for (uint32_t c = 0; c < file->column_count; c++) lg_columns_name(&to, file->columns[c].name);
+    for (uint32_t c = 0; c < file->column_count && runs->bands != NULL; c++) {
+        APP_FREE char *name = app_format("%s.sd", file->columns[c].name);
+        if (identify_is_state(&file->columns[c])) lg_columns_name(&to, name);
+    }
+    lg_columns_end(&to);
     for (size_t i = 0; i < runs->count; i++) {
         const size_t first = runs->start[i], part = lg_machine_log_part(log, first);
         const char *name = logs != NULL ? logs->run_names : NULL;
@@ -133,11 +119,11 @@ void identify_errors(const lg_machine_file *file, const double *q, const double 
     identify_to_columns(file, q, v, logged, predicted);
     for (uint32_t c = 0; c < file->column_count; c++) {
         const bool given = identify_is_state(&file->columns[c]) && !isnan(logged[c]);
+        const lg_log_column *column = &file->columns[c];
+        const bool angle = column->role == LG_LOG_POSITION &&
+                           file->machine.coordinates[column->index].kind == LG_COORDINATE_ANGLE;
         const double error = given ? predicted[c] - logged[c] : NAN;
-        out[c] = !given              ? error
-                 : !isfinite(error)  ? INFINITY
-                 : is_angle(file, c) ? lg_machine_wrap(error)
-                                     : error;
+        out[c] = given && !isfinite(error) ? INFINITY : given && angle ? lg_machine_wrap(error) : error;
     }
 }
 
@@ -155,6 +141,15 @@ void identify_column_errors(const identify_given *given, const identify_runs *ru
         for (uint32_t c = 0; c < file->column_count; c++) lg_squares_add(&squares[c], error[c]);
     }
     for (uint32_t c = 0; c < file->column_count; c++) out[c] = lg_squares_root(&squares[c]);
+}
+
+void identify_put_errors(app_json *out, const lg_machine_file *file, const double *errors,
+                         const char *label) {
+    app_json_open(out, "free_run", '{');
+    for (uint32_t c = 0; c < file->column_count; c++)
+        if (identify_is_state(&file->columns[c]))
+            app_result_real(out, file->columns[c].name, errors[c], label);
+    app_json_close(out, '}');
 }
 
 /* ---- range of the training data ---- */

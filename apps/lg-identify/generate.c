@@ -56,16 +56,11 @@ typedef struct making {
 
 /* ---- inputs ---- */
 
-static double amplitude_of(size_t input) {
-    const size_t n = values.amplitude.count;
-    return n == 0 ? 1 : values.amplitude.values[n == 1 ? 0 : input];
-}
-
-static void multisine(const making *m, lg_rng *rng, size_t input, double *out) {
+static void multisine(const making *m, lg_rng *rng, double amplitude, double *out) {
     enum { SINES = 8 };
     const size_t inputs = m->file.machine.input_count;
     const double highest = values.after_colon > 0 ? values.after_colon : 1 / (25 * values.dt),
-                 each = amplitude_of(input) / 2 * sqrt(2.0 / SINES);
+                 each = amplitude / 2 * sqrt(2.0 / SINES);
     for (int s = 0; s < SINES; s++) {
         const double rate = 6.283185307179586 * lg_rng_uniform_in(rng, 0.05, 1) * highest,
                      phase = lg_rng_uniform_in(rng, 0, 6.283185307179586);
@@ -74,21 +69,20 @@ static void multisine(const making *m, lg_rng *rng, size_t input, double *out) {
     }
 }
 
-static void steps(const making *m, lg_rng *rng, size_t input, double *out) {
+static void steps(const making *m, lg_rng *rng, double amplitude, double *out) {
     const size_t inputs = m->file.machine.input_count;
-    const double seconds = values.after_colon > 0 ? values.after_colon : 25 * values.dt,
-                 a = amplitude_of(input);
+    const double seconds = values.after_colon > 0 ? values.after_colon : 25 * values.dt;
     const size_t each = (size_t)fmax(1, round(seconds / values.dt));
     double level = 0;
     for (size_t row = 0; row < m->rows + m->delay; row++) {
-        if (row % each == 0) level = lg_rng_uniform_in(rng, -a, a);
+        if (row % each == 0) level = lg_rng_uniform_in(rng, -amplitude, amplitude);
         out[row * inputs] = level;
     }
 }
 
 static const struct {
     const char *name;
-    void (*fill)(const making *m, lg_rng *rng, size_t input, double *out);
+    void (*fill)(const making *m, lg_rng *rng, double amplitude, double *out);
 } forms[] = {{"multisine", multisine}, {"steps", steps}, {"none", NULL}};
 
 /* Finds the form of --excitation and reads the number after the colon. Returns LG_COUNT(forms) if the value
@@ -161,13 +155,15 @@ static void take_inputs(const making *m, size_t run) {
 }
 
 static void fill_inputs(const app *self, making *m) {
-    const size_t inputs = m->file.machine.input_count, all = m->rows + m->delay, form = find_form();
+    const size_t inputs = m->file.machine.input_count, all = m->rows + m->delay, form = find_form(),
+                 n = values.amplitude.count;
     for (size_t run = 0; run < m->runs; run++) {
         lg_rng rng;
         lg_rng_seed(&rng, self->seed, 2 * run + 1);
         if (form == LG_COUNT(forms)) take_inputs(m, run);
         for (size_t k = 0; k < inputs && form < LG_COUNT(forms) && forms[form].fill != NULL; k++)
-            forms[form].fill(m, &rng, k, m->given + run * all * inputs + k);
+            forms[form].fill(m, &rng, n == 0 ? 1 : values.amplitude.values[n == 1 ? 0 : k],
+                             m->given + run * all * inputs + k);
     }
 }
 
@@ -278,18 +274,6 @@ static double largest_difference(const double *a, const double *b, size_t n) {
     return most;
 }
 
-static void check_accuracy(const app *self, const making *m) {
-    if (!isfinite(m->accuracy))
-        app_stop(self, LG_NOT_FINITE,
-                 "%s: the motion is not finite: give a smaller --dt, --amplitude or --start-spread",
-                 self->arguments[0]);
-    if (m->accuracy > 1e-6)
-        app_warn(self,
-                 "with %u steps between two rows the motion is accurate to %.1e only: it is chaotic, or --dt "
-                 "is too long",
-                 m->substeps, m->accuracy);
-}
-
 /* Doubles the substeps until the motion changes by at most 1e-10 (at most 512 substeps). The error of a
  * smooth motion falls to a thirtieth each time. Where it falls to more than an eighth, the motion has
  * kinks, such as those of a dead zone, and 1e-6 is enough. */
@@ -317,7 +301,15 @@ static void integrate(const app *self, making *m) {
         memcpy(before_q, q, nq * sizeof *before_q);
         memcpy(before_v, v, nv * sizeof *before_v);
     }
-    check_accuracy(self, m);
+    if (!isfinite(m->accuracy))
+        app_stop(self, LG_NOT_FINITE,
+                 "%s: the motion is not finite: give a smaller --dt, --amplitude or --start-spread",
+                 self->arguments[0]);
+    if (m->accuracy > enough)
+        app_warn(self,
+                 "with %u steps between two rows the motion is accurate to %.1e only: it is chaotic, or --dt "
+                 "is too long",
+                 m->substeps, m->accuracy);
 }
 
 /* ---- the file ---- */

@@ -56,17 +56,12 @@ static void check_whole(const app *self, const part_list *list) {
 
 enum { RUN_SIZE = 4096 };
 
-/* Returns whether the file holds trajectories. A pattern like out.part-* also matches the parts'
- * trajectories. */
-static bool is_rows(const app *self, const char *path) {
-    lg_rows_about about;
-    return strstr(path, ".trajectories") != NULL &&
-           lg_rows_file_look(self->context, path, &about, NULL, 0, NULL) == LG_OK;
-}
-
+/* A pattern like out.part-* also matches the parts' trajectories. */
 static void read_parts(const app *self, part_list *list, const char *const *paths, size_t count) {
     for (size_t i = 0; i < count; i++) {
-        if (is_rows(self, paths[i])) {
+        lg_rows_about about;
+        if (strstr(paths[i], ".trajectories") != NULL &&
+            lg_rows_file_look(self->context, paths[i], &about, NULL, 0, NULL) == LG_OK) {
             list->given[list->given_count++] = paths[i];
             continue;
         }

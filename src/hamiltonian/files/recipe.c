@@ -351,12 +351,13 @@ static lg_status judge(lg_training *self, double *theta, lg_error *error) {
                                           .guess = "a state that does not change",
                                           .error = loss,
                                           .guessed = lg_hamiltonian_unchanged(problem)};
-    lg_result_real(self, "loss", loss, "mean squared error of the predicted points, without measured starts");
+    LG_TELL(self,
+            LG_REAL("loss", loss, "mean squared error of the predicted points, without measured starts"));
     self->first_count = self->result_count;
-    lg_result_whole(self, "parameters", lg_hamiltonian_parameters(problem->model), NULL);
+    LG_TELL(self, LG_WHOLE("parameters", lg_hamiltonian_parameters(problem->model), NULL));
     if (!s->newton) return LG_OK;
-    lg_result_whole(self, "newton_iterations", found.iterations, NULL);
-    lg_result_real(self, "newton_gradient", found.gradient_norm, NULL);
+    LG_TELL(self, LG_WHOLE("newton_iterations", found.iterations, NULL),
+            LG_REAL("newton_gradient", found.gradient_norm, NULL));
     return LG_OK;
 }
 
@@ -372,8 +373,9 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
     run->starts = LG_START_MEASURED;
     const lg_hamiltonian_problem problem = problem_of(run, data);
     LG_TRY(lg_hamiltonian_mean_squared_error(self->context, &problem, file->theta, &loss, error));
-    lg_result_real(self, "loss", loss, "mean squared error of the predicted points, without measured starts");
-    lg_result_real(self, "unchanged", lg_hamiltonian_unchanged(&problem), "of a state that does not change");
+    LG_TELL(self,
+            LG_REAL("loss", loss, "mean squared error of the predicted points, without measured starts"),
+            LG_REAL("unchanged", lg_hamiltonian_unchanged(&problem), "of a state that does not change"));
     return LG_OK;
 }
 

@@ -331,16 +331,16 @@ static void tell(lg_training *self, const char *key, const char *const *names, s
     if (!same) lg_result_open(self, "chosen", '[');
     for (uint32_t i = 0; i < (same ? 1 : n); i++)
         if (names == lg_input_holds)
-            lg_result_text(self, same ? "chosen" : NULL, names[value[i]], NULL);
+            lg_result_add(self, LG_TEXT(same ? "chosen" : NULL, names[value[i]], NULL));
         else
-            lg_result_whole(self, same ? "chosen" : NULL, value[i], NULL);
+            lg_result_add(self, LG_WHOLE(same ? "chosen" : NULL, value[i], NULL));
     if (!same) lg_result_close(self, ']');
     if (!alike) lg_result_open(self, "ratios", '[');
     for (uint32_t i = 0; i < (alike ? 1 : n); i++) {
         lg_result_open(self, alike ? "ratios" : NULL, '{');
         for (size_t k = 0; k < count; k++)
             if (k != value[i] && ratios[i * NEXT + k] > 0)
-                lg_result_real(self, names[k], ratios[i * NEXT + k], NULL);
+                LG_TELL(self, LG_REAL(names[k], ratios[i * NEXT + k], NULL));
         lg_result_close(self, '}');
     }
     if (!alike) lg_result_close(self, ']');

@@ -262,26 +262,22 @@ static void tell_numbers(lg_training *self, const lg_machine_verdict *what) {
 /* Writes whether the standard errors are those of white residuals. */
 static void tell_errors(lg_training *self, const lg_machine_verdict *what) {
     if (!what->converged) {
-        if (what->count > 0) lg_result_text(self, "errors", "the fit has not converged", NULL);
+        if (what->count > 0) LG_TELL(self, LG_TEXT("errors", "the fit has not converged", NULL));
         return;
     }
     const bool white = !(what->identified.block > 0.0);
     if (what->count > 0)
-        lg_result_text(self, "errors", white ? "white" : "corrected for correlation",
-                       white ? NULL : "the residuals are correlated in time");
+        LG_TELL(self, LG_TEXT("errors", white ? "white" : "corrected for correlation",
+                              white ? NULL : "the residuals are correlated in time"));
 }
 
 /* Writes {coordinate: its positions}. */
 static void tell_place(lg_training *self, const lg_machine *machine, const lg_machine_verdict *what) {
-    const double *q = what->positions;
     if (!what->placed) return;
     lg_result_open(self, "mass_at", '{');
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        lg_result_open(self, machine->coordinates[i].name, '[');
-        for (uint32_t k = lg_coordinate_positions(machine->coordinates[i].kind); k > 0; k--)
-            lg_result_real(self, NULL, *q++, NULL);
-        lg_result_close(self, ']');
-    }
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
+        LG_TELL(self, LG_AS_REALS(machine->coordinates[at.index].name, what->positions + at.position,
+                                  at.positions));
     lg_result_close(self, '}');
 }
 
@@ -298,7 +294,7 @@ static lg_status tell_correlations(lg_training *self, const lg_machine_verdict *
             if (!(fabs(r) > strong)) continue;
             LG_TRAINING_ARRAY(self, both, BOTH, error);
             (void)snprintf(both, BOTH, "%s,%s", of->numbers[i].name, of->numbers[j].name);
-            lg_result_real(self, both, r, NULL);
+            LG_TELL(self, LG_REAL(both, r, NULL));
         }
     lg_result_close(self, '}');
     return LG_OK;
@@ -317,20 +313,19 @@ static void tell_gauge(lg_training *self, const lg_machine *machine, lg_machine_
     else if (free)
         (void)lg_format(what->gauge, sizeof what->gauge, "nothing: learning left %s at %.6g", open->name,
                         open->value);
-    lg_result_text(self, "gauge", what->gauge, NULL);
+    LG_TELL(self, LG_TEXT("gauge", what->gauge, NULL));
 }
 
 static lg_status tell(lg_training *self, lg_machine_verdict *what, lg_error *error) {
     const lg_machine_model_run *run = self->run;
     const lg_machine *machine = &run->machine;
-    lg_result_real(self, "loss", what->loss, "mean over windows and rows");
-    lg_result_real(self, "expected_loss", what->expected, "of a model that explains the logs");
-    lg_result_real(self, "validation", lg_training_validation(self),
-                   "loss of the windows that are not trained on");
-    lg_result_whole(self, "windows", run->windows, NULL);
-    lg_result_whole(self, "parameters", machine->parameters, NULL);
+    LG_TELL(
+        self, LG_REAL("loss", what->loss, "mean over windows and rows"),
+        LG_REAL("expected_loss", what->expected, "of a model that explains the logs"),
+        LG_REAL("validation", lg_training_validation(self), "loss of the windows that are not trained on"),
+        LG_WHOLE("windows", run->windows, NULL), LG_WHOLE("parameters", machine->parameters, NULL));
     if (run->start_rows > 0)
-        lg_result_whole(self, "start_rows", run->start_rows, "rows that estimate the state at a start");
+        LG_TELL(self, LG_WHOLE("start_rows", run->start_rows, "rows that estimate the state at a start"));
     tell_numbers(self, what);
     tell_errors(self, what);
     tell_place(self, machine, what);

@@ -61,7 +61,7 @@ static lg_status tell_ratios(lg_training *self, lg_error *error) {
     lg_result_open(self, "ratios", '{');
     for (size_t i = 0; i < LG_LAG_STARTS; i++, text += ROOM) {
         (void)lg_format(text, ROOM, "%.6g", lg_lag_starts[i] * row);
-        if (s->lag_ratios[i] > 0) lg_result_real(self, text, s->lag_ratios[i], NULL);
+        if (s->lag_ratios[i] > 0) LG_TELL(self, LG_REAL(text, s->lag_ratios[i], NULL));
     }
     lg_result_close(self, '}');
     return LG_OK;
@@ -80,10 +80,10 @@ lg_status lg_machine_tell_lags(lg_training *self, const lg_machine_verdict *what
     lg_result_open(self, "lag", '{');
     if (n > 1) lg_result_open(self, "chosen", '[');
     for (uint32_t i = 0; i < n; i++)
-        lg_result_real(self, n > 1 ? NULL : "chosen", lag_of(machine, what, i), NULL);
+        lg_result_add(self, LG_REAL(n > 1 ? NULL : "chosen", lag_of(machine, what, i), NULL));
     if (n > 1) lg_result_close(self, ']');
     LG_TRY(tell_ratios(self, error));
-    if (!shown) lg_result_text(self, "warning", not_shown, NULL);
+    if (!shown) LG_TELL(self, LG_TEXT("warning", not_shown, NULL));
     lg_result_close(self, '}');
     return LG_OK;
 }

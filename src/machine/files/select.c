@@ -92,11 +92,11 @@ lg_status lg_machine_select_end(lg_training *self, double *theta, lg_error *erro
 void lg_machine_tell_selection(lg_training *self) {
     const lg_machine_state *state = self->state;
     const selection *s = state->selection;
-    if (state->width != NULL) lg_result_text(self, "size", state->width, "widths of networks");
+    if (state->width != NULL) LG_TELL(self, LG_TEXT("size", state->width, "widths of networks"));
     if (s == NULL) return;
-    LG_RESULT_OBJECT(self, "select", LG_AS_WHOLE("windows", s->held.count),
-                     LG_AS_REAL("seconds", (double)s->held.steps * state->data.logs.dt_median),
-                     LG_AS_WHOLE("epoch", s->epoch), LG_AS_REAL("error", s->least));
+    LG_RESULT_OBJECT(self, "select", LG_WHOLE("windows", s->held.count, NULL),
+                     LG_REAL("seconds", (double)s->held.steps * state->data.logs.dt_median, NULL),
+                     LG_WHOLE("epoch", s->epoch, NULL), LG_REAL("error", s->least, NULL));
 }
 
 /* ---- widths of networks ---- */

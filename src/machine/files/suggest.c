@@ -410,7 +410,7 @@ void lg_machine_tell_suggestion(lg_training *self) {
     if (state->suggest == NULL) return;
     lg_result_open(self, "suggested", '[');
     for (uint32_t i = 0; i < what->count; i++)
-        if (what->row[i].taken) lg_result_text(self, NULL, what->row[i].name, NULL);
+        if (what->row[i].taken) lg_result_add(self, LG_TEXT(NULL, what->row[i].name, NULL));
     lg_result_close(self, ']');
     lg_result_table(self, "candidates", '[', "");
     for (uint32_t i = 0; i < what->count; i++) {
