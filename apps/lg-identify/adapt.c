@@ -241,8 +241,10 @@ static double value_of(const adapting *a, size_t k, double by) {
     const size_t n = machine->parameters;
     const bool factor = strcmp(a->to.names[k], "friction") == 0;
     APP_FREE double *from = app_alloc(2 * n, sizeof *from);
-    for (size_t i = 0; i < 2 * n; i++)
-        from[i] = a->to.theta[i % n] + (i < n ? -a->x[k] : by) * a->to.directions[k * n + i % n];
+    for (size_t i = 0; i < n; i++) {
+        from[i] = a->to.theta[i] - a->x[k] * a->to.directions[k * n + i];
+        from[n + i] = a->to.theta[i] + by * a->to.directions[k * n + i];
+    }
     (void)lg_machine_numbers(machine, from, LG_MACHINE_VALUES, before);
     size_t count = lg_machine_numbers(machine, from + n, LG_MACHINE_VALUES, after);
     if (count > LG_MACHINE_VALUES) count = LG_MACHINE_VALUES;
