@@ -15,6 +15,8 @@ typedef struct generate_values {
     uint64_t runs;
 } generate_values;
 
+static const double MOST_ROWS = 1e9;
+
 static const lg_field options[] = {
     APP_OUT(generate_values, "LOG.csv", "Write the log", .required = true, .file = LG_FILE_TEXT),
     LG_OPTION(
@@ -124,9 +126,12 @@ static void read_inputs(const app *self, making *m) {
     if (m->inputs_end < f->rows)
         app_warn(self, "%s: %s %zu: the time does not increase: only the rows before it are used", f->shown,
                  f->place, f->line[m->inputs_end]);
-    const double length = m->inputs_end > 0 ? t[(m->inputs_end - 1) * f->width] - t[0] : 0;
+    if (m->inputs_end < 2)
+        app_stop(self, LG_FORMAT, "%s: inputs need two rows or more whose time rises, but there are %zu",
+                 path, m->inputs_end);
+    const double length = t[(m->inputs_end - 1) * f->width] - t[0];
     if (!app_given(self, "t-end")) m->t_end = length;
-    if (m->t_end > length * (1 + 1e-9) + values.dt || m->inputs_end == 0)
+    if (m->t_end > length * (1 + 1e-9) + values.dt)
         app_stop(self, LG_FORMAT,
                  "%s: its times rise for %.4g s, but a run takes %.4g s: give a smaller --t-end", path,
                  length, m->t_end);
@@ -368,7 +373,11 @@ static void begin(const app *self, making *m) {
     const lg_machine *machine = &m->file.machine;
     m->t_end = values.t_end > 0 ? values.t_end : 10;
     if (find_form() == LG_COUNT(forms)) read_inputs(self, m);
-    m->rows = (size_t)floor(m->t_end / values.dt + 1 + 1e-9);
+    const double times = floor(m->t_end / values.dt + 1 + 1e-9);
+    if (!(times <= MOST_ROWS))
+        app_stop_usage(self, "%g s in steps of --dt %g are more than %g rows", m->t_end, values.dt,
+                       MOST_ROWS);
+    m->rows = (size_t)times;
     m->runs = (size_t)values.runs;
     for (uint32_t i = 0; i < machine->input_count; i++)
         if (m->file.inputs[i].delay > m->delay) m->delay = m->file.inputs[i].delay;

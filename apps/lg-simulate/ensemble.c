@@ -373,7 +373,10 @@ static void warn_of_members(const study *all) {
     APP_FREE double *y0 = app_alloc(sim->dim + lg_system_parameter_count(sim->system), sizeof *y0);
     draw(all, what->who[at][0], y0);
     (void)lg_system_check_parameters(sim->system, y0 + sim->dim, &error);
-    app_warn(self, "member %llu is not allowed: %s", (unsigned long long)what->who[at][0], error.message);
+    const unsigned long long member = what->who[at][0];
+    const char *table = sim->values->members;
+    APP_FREE char *row = table != NULL ? app_format(" (row %llu of %s)", member + 1, table) : NULL;
+    app_warn(self, "member %llu%s is not allowed: %s", member, row != NULL ? row : "", error.message);
 }
 
 /* Runs the ensemble. A failure ends the command, and thereby all ranks. */
@@ -468,6 +471,9 @@ static void prepare(study *all, const lg_scheme *scheme, const char *text, lg_en
     if (rows > 0 && values->ensemble > rows)
         app_stop_usage(sim->self, "--members: %s has %zu rows, fewer than --ensemble %llu", values->members,
                        rows, (unsigned long long)values->ensemble);
+    if (rows > values->ensemble)
+        app_warn(sim->self, "--members: %s has %zu rows: only the first %llu are used", values->members, rows,
+                 (unsigned long long)values->ensemble);
     /* Each task gets whole blocks. The size of a block depends on the scene and the options, not on the
      * number of tasks. */
     const uint64_t task = files->task.index, tasks = files->task.count > 0 ? files->task.count : 1,

@@ -62,7 +62,7 @@ static const lg_field options[] = {
         "normal:MEAN:DEVIATION, within:S, within:S% or around:S of the scene's value, sphere, cone:ANGLE, "
         "rotation; e.g. q=sphere,omega=normal:0:1,masses=within:5%",
         .needs = "ensemble", .usual = true),
-    LG_OPTION(simulate_values, members, STRING, "FILE.csv|.h5|.npy",
+    LG_OPTION(simulate_values, members, STRING, "FILE.csv|.h5",
               "A table with one row per member; its columns have the names of numbers of the state or of "
               "parameters (q1.x, m2)",
               .needs = "ensemble", .file = LG_FILE_READ),

@@ -59,6 +59,7 @@ lg_status lg_refuse_own_name(const char *target, lg_error *error) {
 }
 
 lg_status lg_cannot_write(const char *target, int code, lg_error *error) {
+    if (code == ENOMEM) return lg_no_memory_for(target, error);
     return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
 }
 
