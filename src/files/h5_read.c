@@ -160,11 +160,9 @@ static lg_status open_set(lg_h5 *h5, const char *name, size_t bytes, lg_dataset 
                        "%s: has no /%s; write this data set, or rename the one that you mean",
                        lg_shown_path(h5->path), name);
     d->set = H5Oopen(h5->file, name, h5->links);
-    if (d->set >= 0 && H5Iget_type(d->set) != H5I_DATASET) {
-        lg_id_close(&d->set);
-        d->set = H5I_INVALID_HID;
-    }
     if (d->set < 0)
+        return lg_dataset_error(h5, name, "leads nowhere, or is of a newer HDF5: write an array", error);
+    if (H5Iget_type(d->set) != H5I_DATASET)
         return lg_dataset_error(h5, name, "is not a data set; write an array under this name", error);
     if (!is_local(d->set))
         return lg_dataset_error(h5, name, "keeps its data in another file; write them into this one", error);
