@@ -41,30 +41,6 @@ static void put_failures(app_json *out, const result *what) {
     app_result_rows_end(out);
 }
 
-static void put_states(app_json *out, const result *what) {
-    app_result_real(out, "t", what->t[what->points - 1], "of the states below");
-    app_result_named(out, "end", "at the end");
-    for (size_t c = 0; c < what->columns; c++) {
-        if (out->people && c >= SHOWN && c + 2 < what->columns) continue;
-        app_json_open(out, what->column[c], '{');
-        put_cell(out, what->states, what->points - 1, c);
-        app_json_close(out, '}');
-    }
-    app_result_rows_end(out);
-}
-
-static void put_events(app_json *out, const result *what) {
-    if (what->events > 0) app_result_line(out, "\nTime of the first event");
-    app_result_named(out, "events", "event");
-    for (size_t e = 0; e < what->events; e++) {
-        app_json_open(out, what->event[e], '{');
-        put_cell(out, what->times, 0, e);
-        app_json_size(out, "without", what->members - lg_statistics_of(what->times, 0, e).count);
-        app_json_close(out, '}');
-    }
-    app_result_rows_end(out);
-}
-
 static void report_ensemble(app_json *out, const result *what, const lg_ensemble_stats *stats,
                             const char *path) {
     APP_PUT(out, APP_TEXT("ensemble", what->what, NULL),
@@ -82,8 +58,24 @@ static void report_ensemble(app_json *out, const result *what, const lg_ensemble
                         "this part has no members: parts get blocks of %llu members, and other parts have "
                         "all %llu members",
                         (unsigned long long)what->block, (unsigned long long)what->total);
-    put_states(out, what);
-    put_events(out, what);
+    app_result_real(out, "t", what->t[what->points - 1], "of the states below");
+    app_result_named(out, "end", "at the end");
+    for (size_t c = 0; c < what->columns; c++) {
+        if (out->people && c >= SHOWN && c + 2 < what->columns) continue;
+        app_json_open(out, what->column[c], '{');
+        put_cell(out, what->states, what->points - 1, c);
+        app_json_close(out, '}');
+    }
+    app_result_rows_end(out);
+    if (what->events > 0) app_result_line(out, "\nTime of the first event");
+    app_result_named(out, "events", "event");
+    for (size_t e = 0; e < what->events; e++) {
+        app_json_open(out, what->event[e], '{');
+        put_cell(out, what->times, 0, e);
+        app_json_size(out, "without", what->members - lg_statistics_of(what->times, 0, e).count);
+        app_json_close(out, '}');
+    }
+    app_result_rows_end(out);
     APP_PUT(out, APP_TEXT("out", path, NULL), APP_WHOLE("points", what->points, NULL));
 }
 
