@@ -217,26 +217,21 @@ static lg_status write_hours(feeding *feed, const sink *to, lg_error *error) {
     return status;
 }
 
-static void feeding_create(const app *self, feeding *out) {
+static void run(app *self) {
     lg_riser_run defaults;
     lg_riser_run_init(&defaults);
-    *out = (feeding){.app = self, .crew = (size_t)self->threads, .rate = (uint64_t)defaults.rate};
-    out->samples = (uint64_t)floor(values.hours * HOUR * defaults.rate + 0.5);
-    if (out->samples == 0) app_stop_usage(self, "--hours %g: is shorter than a sample", values.hours);
-    out->hours = app_keep(out->crew, sizeof *out->hours);
-    for (size_t i = 0; i < out->crew; i++) {
-        out->hours[i].samples = app_keep(HOUR * out->rate * LG_RISER_CHANNELS, sizeof(float));
-        out->hours[i].rows.text = app_text();
-    }
-}
-
-static void run(app *self) {
-    feeding feed;
+    feeding feed = {.app = self, .crew = (size_t)self->threads, .rate = (uint64_t)defaults.rate};
     lg_error error = {LG_OK, ""};
     sink to;
     if (values.out == NULL && self->json)
         app_stop_usage(self, "--json: the feed would also go to standard output; give --out FILE.csv");
-    feeding_create(self, &feed);
+    feed.samples = (uint64_t)floor(values.hours * HOUR * defaults.rate + 0.5);
+    if (feed.samples == 0) app_stop_usage(self, "--hours %g: is shorter than a sample", values.hours);
+    feed.hours = app_keep(feed.crew, sizeof *feed.hours);
+    for (size_t i = 0; i < feed.crew; i++) {
+        feed.hours[i].samples = app_keep(HOUR * feed.rate * LG_RISER_CHANNELS, sizeof(float));
+        feed.hours[i].rows.text = app_text();
+    }
     const double begin = app_seconds();
     lg_status status = sink_open(self, values.out, &to, &error);
     if (status == LG_OK) status = write_hours(&feed, &to, &error);

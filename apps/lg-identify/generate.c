@@ -167,8 +167,7 @@ static void fill_inputs(const app *self, making *m) {
     }
 }
 
-/* ---- inputs between rows ---- */
-
+/* The inputs between rows, too. */
 static void fill_log(making *m) {
     APP_FREE double *work = app_alloc(3 * m->rows, sizeof *work);
     const size_t inputs = m->file.machine.input_count;

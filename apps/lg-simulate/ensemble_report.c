@@ -99,16 +99,6 @@ void ensemble_conclude(const app *self, const result *what, const lg_ensemble_st
 
 enum { PANELS = 6, BARS = 64 };
 
-static void put_bands(app_plot *plot, const result *what, size_t column) {
-    for (size_t row = 0; row < what->points; row++) {
-        double line[1 + LG_COUNT(quantiles)] = {what->t[row]};
-        for (size_t i = 0; i < LG_COUNT(quantiles); i++)
-            line[1 + i] = lg_statistics_quantile(what->states, row, column, quantiles[i].p);
-        APP_PLOT_COLUMNS(plot, 9, 1, {line, 0, LG_COUNT(line)});
-    }
-    app_plot_block(plot);
-}
-
 static void put_times(app_plot *plot, const result *what, size_t event) {
     const lg_statistics_range range = lg_statistics_range_at(what->times, 0, event);
     const uint64_t *bins = lg_statistics_bins(what->times, 0, event);
@@ -130,7 +120,13 @@ static void put_ensemble(app_plot *plot, const void *total) {
     app_plot_text(plot, "%zu\t%zu", shown, shown + (size_t)what->events);
     for (size_t i = 0; i < shown; i++) {
         app_plot_text(plot, "%s", what->column[chosen[i]]);
-        put_bands(plot, what, chosen[i]);
+        for (size_t row = 0; row < what->points; row++) {
+            double line[1 + LG_COUNT(quantiles)] = {what->t[row]};
+            for (size_t q = 0; q < LG_COUNT(quantiles); q++)
+                line[1 + q] = lg_statistics_quantile(what->states, row, chosen[i], quantiles[q].p);
+            APP_PLOT_COLUMNS(plot, 9, 1, {line, 0, LG_COUNT(line)});
+        }
+        app_plot_block(plot);
     }
     for (size_t e = 0; e < what->events; e++) {
         app_plot_text(plot, "first %s", what->event[e]);
