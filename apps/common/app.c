@@ -408,19 +408,15 @@ static const char *text_of(const app_slot *slot) {
     return *(const char *const *)((const char *)slot->values + slot->row->offset);
 }
 
-/* Returns whether the option is "-", and that means standard output for it. */
-static bool names_stdout(const app_slot *slot) {
-    const char *text = text_of(slot), *bar = strchr(slot->row->unit, '|');
-    return text != NULL && strcmp(text, "-") == 0 && bar != NULL && strcmp(bar, "|-") == 0;
-}
-
 size_t app_file_options(const app *self, app_path *paths) {
     size_t count = 0;
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
-        if (slot->row->type == LG_FIELD_STRING && slot->row->file != LG_FILE_NOT)
-            paths[count++] = (app_path){slot->name, names_stdout(slot) ? NULL : text_of(slot),
-                                        slot->row->file, slot->row->kind};
+        if (slot->row->type != LG_FIELD_STRING || slot->row->file == LG_FILE_NOT) continue;
+        const char *text = text_of(slot), *bar = strchr(slot->row->unit, '|');
+        /* Where the unit ends in |-, "-" means standard output. */
+        const bool out = text != NULL && strcmp(text, "-") == 0 && bar != NULL && strcmp(bar, "|-") == 0;
+        paths[count++] = (app_path){slot->name, out ? NULL : text, slot->row->file, slot->row->kind};
     }
     return count;
 }

@@ -26,12 +26,6 @@ static const int exit_codes[] = {[LG_OK] = APP_EXIT_OK,
                                  [LG_CANCELLED] = APP_EXIT_INTERRUPTED,
                                  [LG_CHECK_FAILED] = APP_EXIT_CHECK};
 
-/* A status without a row is a failure too. */
-static int exit_code(lg_status status) {
-    const int code = (size_t)status < LG_COUNT(exit_codes) ? exit_codes[status] : APP_EXIT_OK;
-    return code == APP_EXIT_OK && status != LG_OK ? APP_EXIT_CHECK : code;
-}
-
 const char *app_sentence(lg_status status, const lg_error *error) {
     return error != NULL && error->message[0] != '\0' ? error->message : lg_status_sentence(status);
 }
@@ -46,7 +40,9 @@ int app_fail_words(const app *self, lg_status status, char *words) {
     (void)snprintf(last_failure, sizeof last_failure, "%s", words);
     app_note(self, "%s", words);
     free(words);
-    return exit_code(status);
+    /* A status without a row is a failure too. */
+    const int code = (size_t)status < LG_COUNT(exit_codes) ? exit_codes[status] : APP_EXIT_OK;
+    return code == APP_EXIT_OK && status != LG_OK ? APP_EXIT_CHECK : code;
 }
 
 static void stop_if_asked(const app *self, lg_status status) {

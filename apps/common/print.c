@@ -178,13 +178,6 @@ void app_warn_words(const app *self, char *sentence) {
     (void)pthread_mutex_unlock(&lock);
 }
 
-/* No other thread may warn meanwhile. */
-static void put_warnings(app_json *json) {
-    app_json_open(json, "warnings", '[');
-    for (size_t i = 0; i < warnings; i++) app_json_text(json, NULL, sentences[i]);
-    app_json_close(json, ']');
-}
-
 /* ---- results for people ---- */
 
 void app_result_begin(app_json *json, const app *self) {
@@ -198,7 +191,10 @@ void app_result_end(const app *self) {
     app_json *json = self->out;
     const bool used = json->people || json->comma;
     if (json->stream == NULL) return;
-    if (!json->people && used) put_warnings(json);
+    if (used) app_json_open(json, "warnings", '[');
+    for (size_t i = 0; used && i < warnings; i++)
+        app_json_text(json, NULL, sentences[i]); /* no thread warns now */
+    if (used) app_json_close(json, ']');
     if (!json->people) (void)fputs("}\n", json->stream);
     if (fclose(json->stream) != 0) app_out_of_memory();
     if (used) (void)fwrite(json->text, 1, json->length, stdout);

@@ -24,17 +24,6 @@ static beam_curve create_curve(const lg_elastica *problem) {
     return out;
 }
 
-static lg_status solve_one(const lg_context *context, const lg_elastica_options *options, bool continuous,
-                           beam_curve *curve, lg_error *error) {
-    const beam_nodes *at = &curve->at;
-    const lg_elastica *problem = &curve->problem;
-    LG_TRY(continuous ? lg_elastica_solve_continuous(context, problem, options, at->theta, at->q,
-                                                     &curve->solution, error)
-                      : lg_elastica_solve(context, problem, options, at->theta, &curve->solution, error));
-    lg_elastica_curve(problem, at->theta, continuous ? NULL : at->q, at->v);
-    return LG_OK;
-}
-
 /* A lower bound on the energy of a discrete curve whose angles differ by at most pi from node to node, with
  * rotation r over N intervals. The largest convex function below 1 - cos equals 1 - cos up to the point whose
  * tangent goes through (pi, 2); |r|/N must be below this point. By Jensen's inequality the minimum then
@@ -58,7 +47,13 @@ void beam_solve(const app *self, const boundary *where, const lg_elastica_option
         problem.rotation = fixed ? where->chosen : where->rotation[k];
         if (found && energy_bound(&problem) > out->solution.energy) continue;
         beam_curve curve = create_curve(&problem);
-        const lg_status status = solve_one(self->context, options, continuous, &curve, &error);
+        const beam_nodes *at = &curve.at;
+        const lg_status status =
+            continuous
+                ? lg_elastica_solve_continuous(self->context, &problem, options, at->theta, at->q,
+                                               &curve.solution, &error)
+                : lg_elastica_solve(self->context, &problem, options, at->theta, &curve.solution, &error);
+        if (status == LG_OK) lg_elastica_curve(&problem, at->theta, continuous ? NULL : at->q, at->v);
         if (app_interrupted()) app_must(self, LG_CANCELLED, NULL);
         if (status != LG_OK && failure == LG_OK) {
             failure = status;

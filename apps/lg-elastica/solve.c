@@ -208,18 +208,6 @@ static void collect(sweep *s) {
     qsort(s->rows, s->count, sizeof *s->rows, by_branch);
 }
 
-static void write_sweep(const sweep *s) {
-    if (values.out == NULL) return;
-    lg_columns to = {.text = app_text()};
-    lg_columns_names(&to, SWEEP_HEAD);
-    lg_columns_end(&to);
-    for (const sweep_point *at = s->rows; at < s->rows + s->count; at++) {
-        lg_columns_numbers(&to, (const double *)(const void *)at, NUMBERS);
-        lg_columns_end(&to);
-    }
-    APP_MUST_FILE(s->self, values.out, lg_columns_write(&to, s->self->context, values.out, &error));
-}
-
 /* Branches are drawn as pieces of equal stability, since stable and unstable ones have different dashes. */
 static void put_sweep(app_plot *plot, const void *swept) {
     const sweep *s = swept;
@@ -295,7 +283,15 @@ static void solve_sweep(const app *self, const lg_elastica *problem, const lg_el
     for (size_t i = 0; i < n; i++) follow(&s, i);
     collect(&s);
     const double seconds = app_seconds() - begin;
-    write_sweep(&s);
+    lg_columns to = {.text = app_text()};
+    lg_columns_names(&to, SWEEP_HEAD);
+    lg_columns_end(&to);
+    for (const sweep_point *at = s.rows; at < s.rows + s.count; at++) {
+        lg_columns_numbers(&to, (const double *)(const void *)at, NUMBERS);
+        lg_columns_end(&to);
+    }
+    if (values.out != NULL)
+        APP_MUST_FILE(self, values.out, lg_columns_write(&to, self->context, values.out, &error));
     app_plot_row(self, &sweep_plot, &s);
     report_sweep(&s, seconds);
 }

@@ -58,17 +58,6 @@ static int check_finite(const app *self, const lg_trajectories *test, const verd
     return APP_EXIT_OK;
 }
 
-static void check_shape(const app *self, const lg_hamiltonian *model, const lg_trajectories *test) {
-    const bool other = model->family != test->family;
-    if (other || model->n != test->n)
-        app_stop(self, LG_SHAPE, "%s: a state has %u numbers, but a state of the model %s has %u%s",
-                 self->arguments[1], test->state_dim, self->arguments[0], lg_hamiltonian_state_dim(model),
-                 other ? " in another layout" : "");
-    if (values.relative && test->truth == NULL)
-        app_stop(self, LG_FORMAT, "%s: --metric relative needs the parameters of the system, /parameters",
-                 self->arguments[1]);
-}
-
 /* Writes a finite verdict and a description of the test set into the model file. */
 static lg_status record(const app *self, lg_hamiltonian_file *file, const lg_trajectories *test,
                         const verdict *result, lg_error *error) {
@@ -83,7 +72,14 @@ static lg_status record(const app *self, lg_hamiltonian_file *file, const lg_tra
 static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_trajectories *test) {
     verdict result;
     const lg_hamiltonian *model = &file->run.model;
-    check_shape(self, model, test);
+    const bool other = model->family != test->family;
+    if (other || model->n != test->n)
+        app_stop(self, LG_SHAPE, "%s: a state has %u numbers, but a state of the model %s has %u%s",
+                 self->arguments[1], test->state_dim, self->arguments[0], lg_hamiltonian_state_dim(model),
+                 other ? " in another layout" : "");
+    if (values.relative && test->truth == NULL)
+        app_stop(self, LG_FORMAT, "%s: --metric relative needs the parameters of the system, /parameters",
+                 self->arguments[1]);
     const double tolerance = flow_given.tolerance > 0 ? flow_given.tolerance : default_tolerance(model);
     const double begin = app_seconds();
     APP_FREE double *predicted = app_alloc(test->count * test->points * test->state_dim, sizeof *predicted);

@@ -127,19 +127,6 @@ static void cut(const lg_machine *machine, const lg_machine_log *log, intervals 
     }
 }
 
-static void run_intervals(const app *self, const lg_learned_machine *model, intervals *all) {
-    enum { MOST = 8192 };
-    const size_t nq = model->machine->positions, nv = model->machine->velocities;
-    APP_FREE size_t *start = app_alloc(all->count, sizeof *start);
-    all->run_q = app_keep(3 * all->count * nq, sizeof *all->run_q);
-    all->run_v = app_keep(3 * all->count * nv, sizeof *all->run_v);
-    for (size_t i = 0; i < all->count; i++) start[i] = 2 * all->row[i];
-    for (size_t first = 0; first < all->count; first += MOST)
-        identify_run(self, model, &all->finer.log, start + first,
-                     all->count - first < MOST ? all->count - first : MOST, 2, all->run_q + 3 * first * nq,
-                     all->run_v + 3 * first * nv);
-}
-
 /* ---- energy ---- */
 
 static void add_interval(const double *energy, const double *power, double h, double *out) {
@@ -252,13 +239,23 @@ void identify_run_whiteness(const identify_given *given, const identify_runs *ru
 
 void identify_balance(const app *self, const identify_given *given, double energy[IDENTIFY_ENERGIES],
                       identify_whiteness *whiteness) {
+    enum { MOST = 8192 };
+    const lg_machine *machine = given->model.machine;
+    const size_t nq = machine->positions, nv = machine->velocities;
     const lg_machine_log *log = &given->data.logs.log;
     intervals all = {.count = 0};
-    cut(given->model.machine, log, &all);
-    APP_FREE size_t *end = app_alloc(all.count, sizeof *end);
-    for (size_t i = 0; i < all.count; i++) end[i] = 3 * i + 2;
-    for (int k = 0; k < IDENTIFY_ENERGIES; k++) energy[k] = all.count > 0 ? 0 : NAN;
-    run_intervals(self, &given->model, &all);
+    cut(machine, log, &all);
+    const size_t count = all.count;
+    APP_FREE size_t *start = app_alloc(count, sizeof *start);
+    APP_FREE size_t *end = app_alloc(count, sizeof *end);
+    all.run_q = app_keep(3 * count * nq, sizeof *all.run_q);
+    all.run_v = app_keep(3 * count * nv, sizeof *all.run_v);
+    for (size_t i = 0; i < count; i++) start[i] = 2 * all.row[i], end[i] = 3 * i + 2;
+    for (int k = 0; k < IDENTIFY_ENERGIES; k++) energy[k] = count > 0 ? 0 : NAN;
+    for (size_t first = 0; first < count; first += MOST)
+        identify_run(self, &given->model, &all.finer.log, start + first,
+                     count - first < MOST ? count - first : MOST, 2, all.run_q + 3 * first * nq,
+                     all.run_v + 3 * first * nv);
     whiteness_of(&given->data, all.row, end, all.count, all.run_q, all.run_v, whiteness);
     balance(self, &given->model, log, &all, energy);
 }

@@ -155,10 +155,11 @@ void identify_put_errors(app_json *out, const lg_machine_file *file, const doubl
 /* ---- range of the training data ---- */
 
 /* One of the numbers of a range (positions, then velocities, then inputs). angle: it is an angle. used: the
- * model depends on it. */
+ * model depends on it. beyond: how far the value `at` is outside the range. */
 typedef struct number {
     char name[LG_LOG_NAME + 32];
     bool angle, used;
+    double beyond, at;
 } number;
 
 static void name_numbers(const lg_machine_file *file, number *out) {
@@ -205,20 +206,16 @@ static double outside(double x, double low, double high, bool angle) {
     return x < low ? low - x : x > high ? x - high : 0;
 }
 
-typedef struct extent {
-    double beyond[LG_MACHINE_RANGE], at[LG_MACHINE_RANGE];
-} extent;
-
 /* Looks at the first `count` values of each row of `values` (rows, stride). They belong to the numbers of the
  * range from `first` on. Records the value that is farthest outside. `values` may be NULL. */
-static void look(const lg_machine_range *range, const number *numbers, const double *values, size_t rows,
-                 size_t stride, size_t count, size_t first, extent *out) {
+static void look(const lg_machine_range *range, number *numbers, const double *values, size_t rows,
+                 size_t stride, size_t count, size_t first) {
     for (size_t at = 0; values != NULL && at < rows * count; at++) {
         const size_t i = first + at % count;
         const double value = values[at / count * stride + at % count];
         if (!numbers[i].used || !isfinite(value) || !(range->low[i] <= range->high[i])) continue;
         const double by = outside(value, range->low[i], range->high[i], numbers[i].angle);
-        if (by > out->beyond[i]) out->beyond[i] = by, out->at[i] = value;
+        if (by > numbers[i].beyond) numbers[i].beyond = by, numbers[i].at = value;
     }
 }
 
@@ -230,17 +227,16 @@ void identify_warn_range(const app *self, const identify_given *given, const ide
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count,
                  total = nq + nv + m;
     APP_FREE number *numbers = app_alloc(total, sizeof *numbers);
-    APP_FREE extent *found = app_alloc(1, sizeof *found);
     name_numbers(&given->data.file, numbers);
-    look(range, numbers, log->q, log->rows, nq, nq, 0, found);
-    look(range, numbers, runs != NULL ? runs->q : NULL, log->rows, nq, nq, 0, found);
-    look(range, numbers, log->v, log->rows, nv, nv, nq, found);
-    look(range, numbers, runs != NULL ? runs->v : NULL, log->rows, nv, nv, nq, found);
-    look(range, numbers, log->u, log->rows, 4 * m, m, nq + nv, found);
+    look(range, numbers, log->q, log->rows, nq, nq, 0);
+    look(range, numbers, runs != NULL ? runs->q : NULL, log->rows, nq, nq, 0);
+    look(range, numbers, log->v, log->rows, nv, nv, nq);
+    look(range, numbers, runs != NULL ? runs->v : NULL, log->rows, nv, nv, nq);
+    look(range, numbers, log->u, log->rows, 4 * m, m, nq + nv);
     for (size_t i = 0; i < total; i++) {
-        const double low = range->low[i], high = range->high[i];
-        if (!(found->beyond[i] > 0) || !(found->beyond[i] > tolerated * (high - low))) continue;
-        app_warn(self, "%s goes to %.4g, which is %.3g outside the training data (%.4g to %.4g)",
-                 numbers[i].name, found->at[i], found->beyond[i], low, high);
+        const double low = range->low[i], high = range->high[i], beyond = numbers[i].beyond;
+        if (beyond > 0 && beyond > tolerated * (high - low))
+            app_warn(self, "%s goes to %.4g, which is %.3g outside the training data (%.4g to %.4g)",
+                     numbers[i].name, numbers[i].at, beyond, low, high);
     }
 }

@@ -101,19 +101,6 @@ static void compare(app_json *out, const verdict *v) {
         }
 }
 
-/* Writes {coordinate: the constant force that its free run integrates}. */
-static void put_offsets(app_json *out, const lg_machine *machine, const verdict *v) {
-    if (out->people) return;
-    app_json_open(out, "integrates", '{');
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const identify_offset *o = &v->offsets[i];
-        if (!o->integrates) continue;
-        APP_OBJECT(out, machine->coordinates[i].name, LG_AS_REAL("force", o->force),
-                   LG_AS_REAL("without", o->without), LG_AS_REAL("with", o->with));
-    }
-    app_json_close(out, '}');
-}
-
 static void put_columns(app_json *out, const lg_machine_file *file, const verdict *v) {
     identify_put_errors(out, file, v->free_run, "free run to the end of each part, root mean square");
     app_result_named(out, "whiteness", "residual of");
@@ -149,7 +136,15 @@ static void report(const app *self, const identify_given *given, const verdict *
     if (out->people) show_horizons(out, v);
     if (out->people) compare(out, v);
     put_columns(out, file, v);
-    put_offsets(out, &file->machine, v);
+    app_json_open(out, "integrates",
+                  '{'); /* the constant force that the free run of a coordinate integrates */
+    for (uint32_t i = 0; i < file->machine.coordinate_count; i++) {
+        const identify_offset *o = &v->offsets[i];
+        if (!o->integrates) continue;
+        APP_OBJECT(out, file->machine.coordinates[i].name, LG_AS_REAL("force", o->force),
+                   LG_AS_REAL("without", o->without), LG_AS_REAL("with", o->with));
+    }
+    app_json_close(out, '}');
     app_json_open(out, "energy", '{');
     for (int k = 0; k < IDENTIFY_ENERGIES; k++)
         app_result_known(out, energy_names[k], v->energy[k], energy_words[k]);

@@ -172,8 +172,7 @@ static void fill_inputs(const app *self, making *m) {
     }
 }
 
-/* ---- inputs between rows ---- */
-
+/* The inputs between rows, too. */
 static void fill_log(making *m) {
     APP_FREE double *work = app_alloc(3 * m->rows, sizeof *work);
     const size_t inputs = m->file.machine.input_count;
@@ -326,15 +325,6 @@ static double input_of(const void *user, size_t run, size_t row, uint32_t input)
     return m->given[(run * (m->rows + m->delay) + acts) * m->file.machine.input_count + input];
 }
 
-static void report(const app *self, const making *m, size_t rows) {
-    app_json *out = self->out;
-    APP_PUT(out, APP_WHOLE("runs", m->runs, NULL), APP_WHOLE("rows", rows, "of all runs"),
-            APP_REAL("dt", values.dt, "s from a row to the next"),
-            APP_WHOLE("substeps", m->substeps, "between two rows"),
-            APP_REAL("accuracy", m->accuracy, "of the motion"), LG_AS_WHOLE("seed", self->seed),
-            APP_TEXT("out", values.out, NULL));
-}
-
 /* ---- the command ---- */
 
 /* Checks that the scene is a machine of which everything is known. */
@@ -415,7 +405,11 @@ static void run(app *self) {
     size_t rows;
     (void)identify_write(self, values.out, &m.file, &log, NULL, &m.motion, input_of, &m, &rows);
     app_plot_draw(self, 0, &(identify_plot){"First run", &m.file, &log, 1, .runs = NULL});
-    report(self, &m, rows);
+    APP_PUT(self->out, APP_WHOLE("runs", m.runs, NULL), APP_WHOLE("rows", rows, "of all runs"),
+            APP_REAL("dt", values.dt, "s from a row to the next"),
+            APP_WHOLE("substeps", m.substeps, "between two rows"),
+            APP_REAL("accuracy", m.accuracy, "of the motion"), LG_AS_WHOLE("seed", self->seed),
+            APP_TEXT("out", values.out, NULL));
 }
 
 const app_command identify_generate_command = {

@@ -119,11 +119,7 @@ static void find_rows(const app *self, part_list *list, const char *out) {
         list->dim = about.dim;
         list->rows[list->row_count++] = (lg_rows_part){path, about.rows};
     }
-}
-
-/* Warns of given trajectories that belong to no given part; an earlier run may have left them. */
-static void tell_of_unused(const app *self, const part_list *list) {
-    for (size_t i = 0; i < list->given_count; i++) {
+    for (size_t i = 0; i < list->given_count; i++) { /* an earlier run may have left them */
         bool used = false;
         for (size_t k = 0; k < list->row_count && !used; k++)
             used = app_same_file(list->given[i], list->rows[k].path);
@@ -150,12 +146,10 @@ void merge_parts(const app *self, const char *out, const char *const *paths, siz
     result *whole = &list.parts[0].is;
     for (size_t i = 1; i < list.count; i++)
         APP_MUST_FILE(self, list.parts[i].path, result_merge(whole, &list.parts[i].is, &error));
-    if (statistics_only) {
+    if (statistics_only)
         whole->saved = 0;
-    } else {
+    else
         find_rows(self, &list, out);
-        tell_of_unused(self, &list);
-    }
     const result_rows rows = {list.rows, list.row_count, list.dim};
     APP_MUST_FILE(self, out, result_write(self, out, whole, list.row_count > 0 ? &rows : NULL, &error));
     app_plot_draw(self, 0, whole);

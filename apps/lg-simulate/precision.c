@@ -141,19 +141,6 @@ static void add_list(diagram *d, const char *list, bool asked) {
 
 /* ---- results ---- */
 
-static void put_point(app_json *out, const curve *at, size_t i) {
-    const point *p = &at->points[i];
-    const bool doubled = !at->adaptive && i > 0 && p->stats.steps == 2 * p[-1].stats.steps;
-    app_json_open(out, NULL, '{');
-    app_json_text(out, "method", at->what.scheme.name);
-    if (p->tol > 0 || out->people) app_json_real(out, "tol", p->tol > 0 ? p->tol : (double)NAN);
-    APP_PUT(out, LG_AS_WHOLE("steps", p->stats.steps), LG_AS_WHOLE("rejected", p->stats.rejected),
-            LG_AS_WHOLE("evaluations", p->stats.evaluations), LG_AS_REAL("seconds", p->seconds),
-            LG_AS_REAL("error", p->error));
-    if (out->people) app_json_real(out, "order", doubled ? log2(p[-1].error / p->error) : (double)NAN);
-    app_json_close(out, '}');
-}
-
 static void report_diagram(const diagram *d) {
     app_json *out = d->sim->self->out;
     APP_PUT(out, APP_TEXT("system", lg_system_name(d->sim->system), NULL),
@@ -165,8 +152,19 @@ static void report_diagram(const diagram *d) {
                     "%.0e;\nit differs by %.1e from a run at tolerance %.0e. Seconds are CPU time.\n",
                     d->reference, d->tol, d->reference_error, 10 * d->tol);
     app_result_rows(out, "work_precision");
-    for (size_t c = 0; c < d->count; c++)
-        for (size_t i = 0; i < d->curves[c].count; i++) put_point(out, &d->curves[c], i);
+    for (const curve *at = d->curves; at < d->curves + d->count; at++)
+        for (const point *p = at->points; p < at->points + at->count; p++) {
+            const bool doubled = !at->adaptive && p > at->points && p->stats.steps == 2 * p[-1].stats.steps;
+            app_json_open(out, NULL, '{');
+            app_json_text(out, "method", at->what.scheme.name);
+            if (p->tol > 0 || out->people) app_json_real(out, "tol", p->tol > 0 ? p->tol : (double)NAN);
+            APP_PUT(out, LG_AS_WHOLE("steps", p->stats.steps), LG_AS_WHOLE("rejected", p->stats.rejected),
+                    LG_AS_WHOLE("evaluations", p->stats.evaluations), LG_AS_REAL("seconds", p->seconds),
+                    LG_AS_REAL("error", p->error));
+            if (out->people)
+                app_json_real(out, "order", doubled ? log2(p[-1].error / p->error) : (double)NAN);
+            app_json_close(out, '}');
+        }
     app_result_rows_end(out);
 }
 
