@@ -29,46 +29,42 @@ typedef double real;
 #include "anomaly/classify/code/features_cov_factor.c"
 #include "anomaly/classify/code/features_deviation_vjp.c"
 
-#define compute_features compute_raw
-#define features_vjp     raw_vjp
+/* The code of every kind has the same two names, which begin with the kind here. */
+#define JOINED(a, b)     a##b
+#define JOIN(a, b)       JOINED(a, b)
+#define compute_features JOIN(OWN, _compute)
+#define features_vjp     JOIN(OWN, _vjp)
+#define OWN              raw
 #include "anomaly/classify/code/features_raw.c"
 #include "anomaly/classify/code/features_raw_vjp.c"
-#undef compute_features
-#undef features_vjp
-#define compute_features compute_std
-#define features_vjp     std_vjp
+#undef OWN
+#define OWN std
 #include "anomaly/classify/code/features_std.c"
 #include "anomaly/classify/code/features_std_vjp.c"
-#undef compute_features
-#undef features_vjp
-#define compute_features compute_cov
-#define features_vjp     cov_vjp
+#undef OWN
+#define OWN cov
 #include "anomaly/classify/code/features_cov.c"
 #include "anomaly/classify/code/features_cov_vjp.c"
-#undef compute_features
-#undef features_vjp
-#define compute_features compute_baseline
-#define features_vjp     baseline_vjp
+#undef OWN
+#define OWN baseline
 #include "anomaly/classify/code/features_baseline.c"
 #include "anomaly/classify/code/features_baseline_vjp.c"
-
-#undef compute_features
-#undef features_vjp
+#undef OWN
 #undef SEGMENTS
-#define SEGMENTS     ((int)self->spectrum.segments)
-#define SEGMENT      ((int)self->spectrum.segment)
-#define HOP          ((int)self->spectrum.hop)
-#define BANDS        ((int)self->bands)
-#define NAME_edge    ((const int *)self->spectrum.edge)
-#define NAME_taper   self->spectrum.taper
-#define NAME_cosine  self->spectrum.cosine
-#define NAME_sine    self->spectrum.sine
-#define features_vjp spectrum_vjp
+#define OWN         spectrum
+#define SEGMENTS    ((int)self->spectrum.segments)
+#define SEGMENT     ((int)self->spectrum.segment)
+#define HOP         ((int)self->spectrum.hop)
+#define BANDS       ((int)self->bands)
+#define NAME_edge   ((const int *)self->spectrum.edge)
+#define NAME_taper  self->spectrum.taper
+#define NAME_cosine self->spectrum.cosine
+#define NAME_sine   self->spectrum.sine
 #include "anomaly/classify/code/features_segment.c"
 #include "anomaly/classify/code/features_spectrum_vjp.c"
 
 /* Logarithms of powers, in the first numbers of `work` as in the exported code; the waves lie behind them. */
-static void compute_spectrum(const lg_features *self, const double *x, double *f, double *work) {
+static void spectrum_compute(const lg_features *self, const double *x, double *f, double *work) {
     double *inverse = work + 2 * NAME_LENGTH + SEGMENT, *waves = inverse + SELECTED * BANDS;
     for (int i = 0; i < SELECTED; i++, f += BANDS, inverse += BANDS) {
         const uint32_t channel = NAME_select[i];
@@ -159,7 +155,7 @@ static int describe_spectrum(const lg_features *f, const lg_series *series, uint
 #define KIND(kind, ...)                                                                                      \
     const lg_feature_row lg_feature_##kind = {.name = #kind,                                                 \
                                               .sizes = kind##_sizes,                                         \
-                                              .code = compute_##kind,                                        \
+                                              .code = kind##_compute,                                        \
                                               .vjp = kind##_vjp,                                             \
                                               .describe = describe_##kind,                                   \
                                               __VA_ARGS__}
