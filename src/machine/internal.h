@@ -346,6 +346,11 @@ static inline lg_var lg_machine_parameter(lg_tape *tape, const lg_machine *machi
     return machine->parameters > 0 ? lg_parameter(tape, lg_shape1((uint32_t)machine->parameters), theta)
                                    : LG_NONE;
 }
+/* The same of a problem: its known parameters, or the first ones of the fit, `theta`. */
+static inline lg_var lg_machine_problem_parameter(lg_tape *tape, const lg_machine_problem *problem,
+                                                  const double *theta) {
+    return lg_machine_parameter(tape, problem->machine, problem->theta != NULL ? problem->theta : theta);
+}
 /* Writes to `out` the velocities on which a term of constant forces acts; returns their number. */
 LG_API uint32_t lg_machine_offset_velocities(const lg_machine *machine, const lg_machine_term *term,
                                              uint32_t *out);
@@ -426,10 +431,10 @@ typedef struct lg_machine_flow {
  * start and end, or LG_NONE. After an error `parts` are of no use. */
 lg_status lg_machine_variational_step(lg_tape *tape, const lg_machine_flow *flow, const lg_taped_span *over,
                                       const lg_var u[2], lg_var *parts);
-/* Binds theta to `vars`, and makes the flow that has these parameters. */
-lg_status lg_machine_begin_flow(lg_tape *tape, const lg_machine *machine, const lg_scheme *scheme,
-                                uint32_t substeps, lg_var theta, lg_machine_vars *vars,
-                                lg_machine_flow *flow);
+/* Binds theta to `vars`, and makes the flow of the problem's machine, scheme and substeps that has these
+ * parameters. */
+lg_status lg_machine_begin_flow(lg_tape *tape, const lg_machine_problem *problem, lg_var theta,
+                                lg_machine_vars *vars, lg_machine_flow *flow);
 /* The state from z (B, numbers), positions and velocities in the order of logs and in scaled units; other
  * numbers may follow. lg_machine_join_row is z of a state, behind which the bristles follow. */
 lg_status lg_machine_split_row(lg_tape *tape, const lg_machine_vars *vars, lg_var z, lg_var *parts);
