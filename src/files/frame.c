@@ -61,20 +61,16 @@ static lg_status missing_column(lg_frame *f, const char *name, lg_error *error) 
                          lg_tamed(have.text), f->note.used > 0 ? "; " : "", lg_tamed(f->note.text));
 }
 
-/* Sets *at to the column with this name, or to f->columns if no column has it. */
-static lg_status find_column(const lg_frame *f, const lg_lookup *sorted, const char *name, uint32_t *at,
-                             lg_error *error) {
-    const lg_lookup *found = lg_lookup_find(sorted, f->columns, name);
-    *at = found == NULL ? f->columns : (uint32_t)found->at;
-    if (found != NULL && found + 1 < sorted + f->columns && strcmp(found[1].name, name) == 0)
-        return lg_frame_fail(f, 0, NULL, error, "there are two columns '%s': rename one of them", name);
-    return LG_OK;
-}
-
 static lg_status find_want(lg_frame *f, const lg_lookup *sorted, lg_frame_want *want, lg_error *error) {
     const size_t index = (size_t)(want - f->want);
     uint32_t at = (uint32_t)index;
-    if (!f->ours || index >= f->columns) LG_TRY(find_column(f, sorted, want->name, &at, error));
+    if (!f->ours || index >= f->columns) {
+        const lg_lookup *found = lg_lookup_find(sorted, f->columns, want->name);
+        at = found == NULL ? f->columns : (uint32_t)found->at;
+        if (found != NULL && found + 1 < sorted + f->columns && strcmp(found[1].name, want->name) == 0)
+            return lg_frame_fail(f, 0, NULL, error, "there are two columns '%s': rename one of them",
+                                 want->name);
+    }
     want->there = at < f->columns;
     if (!want->there) return want->optional ? LG_OK : missing_column(f, want->name, error);
     lg_frame_use *use = &f->use[at];

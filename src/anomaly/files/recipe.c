@@ -66,12 +66,6 @@ static void close_data(lg_training *self) {
 
 /* ---- the run ---- */
 
-static bool any_given(const lg_training *self, const char *const *options, size_t count) {
-    for (size_t i = 0; i < count; i++)
-        if (self->given(self, options[i])) return true;
-    return false;
-}
-
 /* Applies the options that the user has given for all blocks. */
 static void adopt_block(const lg_training *self, lg_cnn_block *block) {
     const lg_detector_state *s = self->state;
@@ -106,7 +100,9 @@ static void default_blocks(const lg_training *self, lg_cnn *net) {
 static void build_blocks(const lg_training *self, bool fresh, lg_cnn *net) {
     static const char *const options[] = {"filters", "kernel", "stride", "pooling"};
     const lg_detector_state *s = self->state;
-    if (!any_given(self, options, LG_COUNT(options))) return;
+    bool any = false;
+    for (size_t i = 0; i < LG_COUNT(options); i++) any = any || self->given(self, options[i]);
+    if (!any) return;
     const bool filters = self->given(self, "filters");
     if (fresh && !filters) {
         default_blocks(self, net);

@@ -63,9 +63,9 @@ lg_status lg_detector_get_names(lg_h5 *h5, uint64_t window, lg_series *names, lg
     if (names->channels == 0) names->channels = novelty->channels, names->length = novelty->length;
     LG_TRY(check_novelty(h5, names, novelty, LG_FORMAT, error));
     if (names->length != window)
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /model: attribute window is %llu, but the model has windows of %u samples",
-                       lg_shown_path(h5->path), (unsigned long long)window, names->length);
+        return lg_h5_fail(h5, error,
+                          "/model: attribute window is %llu, but the model has windows of %u samples",
+                          (unsigned long long)window, names->length);
     LG_TRY(lg_sensing_get(h5, names, error));
     return number_classes(h5, names, error);
 }

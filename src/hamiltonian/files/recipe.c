@@ -128,16 +128,6 @@ static lg_hamiltonian_problem problem_of(const lg_hamiltonian_run *run, const lg
                                     .data = data->data};
 }
 
-static lg_status adopt_symmetry(lg_hamiltonian *model, lg_symmetry symmetry, lg_error *error) {
-    if (lg_hamiltonian_set_symmetry(model, symmetry) == LG_OK) return LG_OK;
-    return lg_fail(
-        error, LG_INVALID_ARGUMENT,
-        "--symmetry %s: is not for family %s with n = %u: the coordinates have no invariants of this "
-        "kind, or too many for a dictionary",
-        lg_field_name(lg_field_find(lg_hamiltonian_fields, "symmetry"), symmetry), model->family->name,
-        model->n);
-}
-
 /* Completes the run by what the data determine, and makes the model. */
 static lg_status complete_run(lg_hamiltonian_run *run, const lg_trajectories *data, lg_error *error) {
     const lg_mlp net = run->model.net;
@@ -145,7 +135,13 @@ static lg_status complete_run(lg_hamiltonian_run *run, const lg_trajectories *da
     const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->n, run->model.potential,
                                                  net.width + 1, net.layers - 1, net.activation);
     if (status != LG_OK) return lg_fail(error, status, "a network of this size cannot be made");
-    LG_TRY(adopt_symmetry(&run->model, symmetry, error));
+    if (lg_hamiltonian_set_symmetry(&run->model, symmetry) != LG_OK)
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "--symmetry %s: is not for family %s with n = %u: the coordinates have no invariants of this "
+            "kind, or too many for a dictionary",
+            lg_field_name(lg_field_find(lg_hamiltonian_fields, "symmetry"), symmetry),
+            run->model.family->name, run->model.n);
     run->model.constraint = data->constraint;
     memcpy(run->system, data->system, sizeof run->system);
     memcpy(run->data_sha256, data->sha256, sizeof run->data_sha256);

@@ -41,7 +41,8 @@ static lg_status steps_of_file(const lg_log_table *t, size_t *row, double *steps
 }
 
 /* Finds the median time step of all files, and warns if the files' medians differ much. */
-static lg_status find_steps(lg_log_table *t, double *steps) {
+static lg_status measure_steps(lg_log_table *t) {
+    LG_TRY_SCRATCH(double, steps, t->context, t->rows, lg_log_no_memory(t));
     lg_logs *out = t->out;
     double least = INFINITY, most = 0;
     uint32_t slow = 0, fast = 0;
@@ -65,19 +66,7 @@ static lg_status find_steps(lg_log_table *t, double *steps) {
     return LG_OK;
 }
 
-static lg_status measure_steps(lg_log_table *t) {
-    LG_TRY_SCRATCH(double, steps, t->context, t->rows, lg_log_no_memory(t));
-    return find_steps(t, steps);
-}
-
 /* ---- statistics of columns ---- */
-
-static void measure_column(const lg_log_table *t, uint32_t column) {
-    lg_log_statistics *s = &t->out->columns[column];
-    *s = (lg_log_statistics){.noise = NAN};
-    for (size_t row = 0; row < t->rows; row++) s->missing += isnan(lg_log_row(t, row)[column]);
-    lg_log_range(t, column);
-}
 
 /* Whether a row has all positions and all measured velocities. */
 static bool row_is_complete(const lg_log_table *t, size_t row) {
@@ -107,8 +96,13 @@ static lg_status check_file(const lg_log_table *t, size_t first, size_t end) {
 }
 
 static lg_status measure_columns(const lg_log_table *t) {
-    for (uint32_t i = 0; i < t->columns; i++)
-        if (lg_log_is_value(t, i)) measure_column(t, i);
+    for (uint32_t i = 0; i < t->columns; i++) {
+        lg_log_statistics *s = &t->out->columns[i];
+        if (!lg_log_is_value(t, i)) continue;
+        *s = (lg_log_statistics){.noise = NAN};
+        for (size_t row = 0; row < t->rows; row++) s->missing += isnan(lg_log_row(t, row)[i]);
+        lg_log_range(t, i);
+    }
     for (size_t first = 0; first < t->rows; first = lg_log_file_end(t, first))
         LG_TRY(check_file(t, first, lg_log_file_end(t, first)));
     return LG_OK;
@@ -142,11 +136,6 @@ static void warn_of_columns(lg_log_table *t) {
 
 /* ---- parts ---- */
 
-static bool follows(const lg_log_table *t, size_t row) {
-    return t->origin[row].run == t->origin[row - 1].run &&
-           lg_log_time(t, row) - lg_log_time(t, row - 1) <= t->out->max_step * (1 + ROUNDING);
-}
-
 /* Delays inputs in a stretch without gaps: row j gets the input of row j - delay; the first rows get none. */
 static void delay_inputs(const lg_log_table *t, size_t begin, size_t end) {
     for (uint32_t i = 0; i < t->columns; i++) {
@@ -174,14 +163,6 @@ typedef struct growing {
     size_t kept, begin; /* rows that are kept so far; first row of the open part */
 } growing;
 
-static void keep_row(lg_log_table *t, growing *g, size_t row) {
-    if (row != g->kept) {
-        memcpy(lg_log_row(t, g->kept), lg_log_row(t, row), t->columns * sizeof *t->data);
-        t->origin[g->kept] = t->origin[row];
-    }
-    g->kept++;
-}
-
 /* Closes the open part; drops it if it has only one row. */
 static void close_part(lg_log_table *t, growing *g) {
     if (g->kept - g->begin >= 2) {
@@ -198,7 +179,11 @@ static void cut_stretch(lg_log_table *t, growing *g, size_t begin, size_t end) {
     for (size_t row = begin; row < end; row++) {
         bool needed;
         const bool missing = input_is_missing(t, row, &needed);
-        if (!needed) keep_row(t, g, row);
+        if (!needed && row != g->kept) {
+            memcpy(lg_log_row(t, g->kept), lg_log_row(t, row), t->columns * sizeof *t->data);
+            t->origin[g->kept] = t->origin[row];
+        }
+        g->kept += !needed;
         if (missing) close_part(t, g);
     }
     close_part(t, g);
@@ -225,7 +210,9 @@ static lg_status cut(lg_log_table *t) {
     t->first = lg_alloc(t->context, t->rows + 1, sizeof *t->first);
     if (t->first == NULL) return lg_log_no_memory(t);
     for (size_t begin = 0, end = 1; begin < t->rows; begin = end++) {
-        while (end < t->rows && follows(t, end)) end++, steps++;
+        while (end < t->rows && t->origin[end].run == t->origin[end - 1].run &&
+               lg_log_time(t, end) - lg_log_time(t, end - 1) <= t->out->max_step * (1 + ROUNDING))
+            end++, steps++;
         t->out->gaps += end < t->rows && t->origin[end].run == t->origin[end - 1].run;
         cut_stretch(t, &g, begin, end);
     }
@@ -271,7 +258,7 @@ static void fill_inputs(const lg_log_table *t, size_t part, double *work) {
     }
 }
 
-static lg_status allocate(const lg_log_table *t) {
+static lg_status fill(lg_log_table *t) {
     lg_logs *out = t->out;
     const lg_machine *m = &t->machine->machine;
     const size_t rows = t->rows, each = 1 + m->positions + m->velocities + 4 * m->input_count;
@@ -282,15 +269,8 @@ static lg_status allocate(const lg_log_table *t) {
     out->v = out->q + rows * m->positions;
     out->u = out->v + rows * m->velocities;
     out->part_run = out->part_file + t->parts;
-    return LG_OK;
-}
-
-static lg_status fill(lg_log_table *t) {
-    lg_logs *out = t->out;
-    const lg_machine *m = &t->machine->machine;
-    LG_TRY(allocate(t));
-    LG_TRY_SCRATCH(double, work, t->context, 3 * t->rows, lg_log_no_memory(t));
-    for (size_t row = 0; row < t->rows; row++) {
+    LG_TRY_SCRATCH(double, work, t->context, 3 * rows, lg_log_no_memory(t));
+    for (size_t row = 0; row < rows; row++) {
         out->t[row] = lg_log_time(t, row);
         fill_state(t, row, out->q + row * m->positions, out->v + row * m->velocities);
     }
@@ -302,7 +282,7 @@ static lg_status fill(lg_log_table *t) {
     }
     out->first = t->first;
     t->first = NULL;
-    out->log = (lg_machine_log){.rows = t->rows,
+    out->log = (lg_machine_log){.rows = rows,
                                 .parts = t->parts,
                                 .first = out->first,
                                 .t = out->t,
@@ -337,8 +317,11 @@ static lg_status read_logs(lg_log_table *t) {
     return t->failed || t->names.failed ? lg_log_no_memory(t) : fill(t);
 }
 
-static lg_status check_call(const lg_machine_file *file, const char *const *paths, size_t count,
-                            const lg_log_options *options, const lg_logs *out, lg_error *error) {
+lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, const char *const *paths,
+                       size_t count, const lg_log_options *options, lg_logs *out, lg_error *error) {
+    lg_log_options defaults;
+    lg_log_options_init(&defaults);
+    if (options == NULL) options = &defaults;
     if (file == NULL || paths == NULL || out == NULL || count < 1 || count > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "logs: a machine file and at least one log are needed");
     if (options->size != sizeof *options)
@@ -346,15 +329,6 @@ static lg_status check_call(const lg_machine_file *file, const char *const *path
     for (size_t i = 0; i < count; i++)
         if (paths[i] == NULL || *paths[i] == '\0')
             return lg_fail(error, LG_INVALID_ARGUMENT, "a log needs a name");
-    return LG_OK;
-}
-
-lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, const char *const *paths,
-                       size_t count, const lg_log_options *options, lg_logs *out, lg_error *error) {
-    lg_log_options defaults;
-    lg_log_options_init(&defaults);
-    if (options == NULL) options = &defaults;
-    LG_TRY(check_call(file, paths, count, options, out, error));
     lg_log_table t = {.context = context,
                       .machine = file,
                       .paths = paths,

@@ -284,15 +284,6 @@ static lg_status read_coordinate(reading *r, const yaml_node_t *node) {
     return lg_yaml_store(r->yaml, coordinate_keys, values, OF_COUNT, c, r->error);
 }
 
-static lg_status read_coordinates(reading *r, const lg_key_value *value) {
-    const yaml_node_t *list = value->node;
-    if (list->type != YAML_SEQUENCE_NODE || lg_node_items(list) == 0)
-        return LG_FAULT(r, value->line, "coordinates: expected a list of {name: ..., kind: ...}");
-    for (size_t i = 0; i < lg_node_items(list); i++)
-        LG_TRY(read_coordinate(r, lg_node_item(r->yaml, list, i)));
-    return LG_OK;
-}
-
 /* ---- inputs ---- */
 
 static lg_status add_input(reading *r, uint32_t line, const char *name, void *user) {
@@ -308,12 +299,6 @@ static lg_status add_input(reading *r, uint32_t line, const char *name, void *us
     LG_TRY(add_column(r, line, name, &what));
     memcpy(m->inputs[m->input_count++], name, strlen(name) + 1);
     return LG_OK;
-}
-
-static lg_status read_inputs(reading *r, const lg_key_value *values) {
-    if (values[KEY_INPUTS].line == 0) return LG_OK;
-    LG_TRY(lg_machine_texts(r, values[KEY_INPUT_COLUMNS].node, "inputs.columns", add_input, NULL));
-    return lg_machine_read_timing(r, &values[KEY_HOLD], &values[KEY_DELAY]);
 }
 
 /* ---- numbers of columns ---- */
@@ -384,8 +369,16 @@ static lg_status read_machine(reading *r, lg_key_value *values) {
     out->machine.accelerations = out->measured == LG_MEASURED_ACCELERATIONS;
     LG_TRY(add_named(r, &values[KEY_TIME], "t", LG_LOG_TIME));
     if (values[KEY_RUN].line != 0) LG_TRY(add_named(r, &values[KEY_RUN], "", LG_LOG_RUN));
-    LG_TRY(read_coordinates(r, &values[KEY_COORDINATES]));
-    LG_TRY(read_inputs(r, values));
+    const yaml_node_t *list = values[KEY_COORDINATES].node;
+    if (list->type != YAML_SEQUENCE_NODE || lg_node_items(list) == 0)
+        return LG_FAULT(r, values[KEY_COORDINATES].line,
+                        "coordinates: expected a list of {name: ..., kind: ...}");
+    for (size_t i = 0; i < lg_node_items(list); i++)
+        LG_TRY(read_coordinate(r, lg_node_item(r->yaml, list, i)));
+    if (values[KEY_INPUTS].line != 0) {
+        LG_TRY(lg_machine_texts(r, values[KEY_INPUT_COLUMNS].node, "inputs.columns", add_input, NULL));
+        LG_TRY(lg_machine_read_timing(r, &values[KEY_HOLD], &values[KEY_DELAY]));
+    }
     LG_TRY(read_numbers(r, &keys[KEY_NOISE], &values[KEY_NOISE], offsetof(lg_log_column, noise), 0));
     LG_TRY(read_numbers(r, &keys[KEY_SCALE], &values[KEY_SCALE], offsetof(lg_log_column, scale), -DBL_MAX));
     out->run = values[KEY_RUN].line != 0 ? 1 : out->column_count;
@@ -414,18 +407,6 @@ static lg_status read_change(reading *r, lg_key_value *values) {
     return lg_machine_read_actuators(r, &values[KEY_LAG], &values[KEY_CURVE]);
 }
 
-static lg_status read_documents(reading *r, lg_key_value *values) {
-    bool more;
-    LG_TRY(read_machine(r, values));
-    for (;;) {
-        LG_TRY(lg_yaml_next(r->yaml, &more, r->error));
-        if (!more) break;
-        LG_TRY(read_change(r, values));
-    }
-    LG_TRY(lg_machine_refuse_positions(r));
-    return finish_machine(r);
-}
-
 lg_status lg_machine_file_parse(const lg_context *context, const char *name, const char *text, size_t bytes,
                                 lg_machine_file *out, lg_error *error) {
     LG_NEEDS(error, name, text, out);
@@ -436,7 +417,14 @@ lg_status lg_machine_file_parse(const lg_context *context, const char *name, con
     LG_SCRATCH(char, copy, context, bytes + 1);
     reading r = {.yaml = yaml, .out = made, .error = error};
     if (made == NULL || values == NULL || copy == NULL) return lg_no_memory_for(name, error);
-    LG_TRY(read_documents(&r, values));
+    LG_TRY(read_machine(&r, values));
+    for (bool more;;) {
+        LG_TRY(lg_yaml_next(yaml, &more, error));
+        if (!more) break;
+        LG_TRY(read_change(&r, values));
+    }
+    LG_TRY(lg_machine_refuse_positions(&r));
+    LG_TRY(finish_machine(&r));
     *out = *made;
     out->context = context;
     out->text = memcpy(LG_KEEP(copy), text, bytes);

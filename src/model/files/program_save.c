@@ -31,13 +31,6 @@ static lg_status put_function(lg_h5 *h5, const lg_program *program, size_t funct
     return lg_h5_put_number(h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, error);
 }
 
-static lg_status put_parameter(lg_h5 *h5, const lg_parameter_spec *p, lg_error *error) {
-    uint64_t dims[LG_MAX_RANK];
-    for (uint32_t d = 0; d < p->shape.rank; d++) dims[d] = p->shape.dims[d];
-    return lg_h5_put(h5, lg_program_below("parameters", p->name).text, LG_ELEMENT_F64, p->shape.rank, dims,
-                     p->values, error);
-}
-
 /* Writes the names of all parameters, or of all functions, in order. */
 static lg_status put_order(lg_h5 *h5, const lg_program *program, bool functions, lg_error *error) {
     const size_t count = functions ? lg_program_functions(program) : lg_program_parameters(program);
@@ -104,7 +97,11 @@ lg_status lg_program_put_parameters(lg_h5 *h5, const lg_program *program, const 
         const lg_parameter_spec p = lg_program_parameter(program, i);
         bool stored;
         LG_TRY(put_places(h5, p.name, places, count, &stored, error));
-        if (!stored) LG_TRY(put_parameter(h5, &p, error));
+        uint64_t dims[LG_MAX_RANK];
+        for (uint32_t d = 0; d < p.shape.rank; d++) dims[d] = p.shape.dims[d];
+        if (!stored)
+            LG_TRY(lg_h5_put(h5, lg_program_below("parameters", p.name).text, LG_ELEMENT_F64, p.shape.rank,
+                             dims, p.values, error));
     }
     return LG_OK;
 }

@@ -68,15 +68,6 @@ static bool usual(lg_training *self, uint32_t at) {
     return at < 3;
 }
 
-static lg_status check_plan(const lg_table_state *s, const lg_fit_plan *plan, lg_error *error) {
-    for (uint32_t i = 0; i < plan->phases && !lg_table_is_regression(s); i++)
-        if (lg_fit_method_squares((lg_fit_method)plan->phase[i].method))
-            return lg_fail(error, LG_UNSUPPORTED,
-                           "--optimizer lm minimises only sums of squares; for a classification, take lbfgs, "
-                           "ssbroyden or adam");
-    return LG_OK;
-}
-
 static lg_status describe(lg_training *self, lg_error *error) {
     const lg_table_state *s = self->state;
     lg_table_run *run = self->run;
@@ -87,7 +78,13 @@ static lg_status describe(lg_training *self, lg_error *error) {
     lg_table_options options = run->model.options;
     options.task = lg_table_is_regression(s) ? LG_TABLE_REGRESSION : LG_TABLE_CLASSIFICATION;
     LG_TRY(lg_table_init(&run->model, &options, s->inputs.count, s->outputs.count, error));
-    return check_plan(s, &run->training.plan, error);
+    const lg_fit_plan *plan = &run->training.plan;
+    for (uint32_t i = 0; i < plan->phases && !lg_table_is_regression(s); i++)
+        if (lg_fit_method_squares((lg_fit_method)plan->phase[i].method))
+            return lg_fail(error, LG_UNSUPPORTED,
+                           "--optimizer lm minimises only sums of squares; for a classification, take lbfgs, "
+                           "ssbroyden or adam");
+    return LG_OK;
 }
 
 /* ---- the scaling ---- */
