@@ -97,14 +97,6 @@ bool trials_continues(const trials_work *self) {
     return found || self->own_part != NULL || self->values->merge;
 }
 
-void trials_label(const app *self, const char *text, const char *path, char label[LG_SHA256_TEXT]) {
-    lg_sha256 sha;
-    lg_sha256_init(&sha);
-    lg_sha256_add(&sha, text, strlen(text) + 1);
-    if (path != NULL) APP_MUST_FILE(self, path, app_hash_file(path, &sha, &error));
-    lg_sha256_finish(&sha, label);
-}
-
 /* ---- reading parts ---- */
 
 static lg_status put(const part *p, const void *data, size_t bytes, off_t at, lg_error *error) {
@@ -213,6 +205,16 @@ lg_status trials_open(trials_work *self, const char *label, lg_error *error) {
     for (size_t k = 0; k < self->array_count; k++) self->record += self->arrays[k].each;
     self->turns = &self->turn;
     return read_parts(self, error);
+}
+
+void trials_begin(trials_work *self, const char *text, const char *path) {
+    char label[LG_SHA256_TEXT];
+    lg_sha256 sha;
+    lg_sha256_init(&sha);
+    lg_sha256_add(&sha, text, strlen(text) + 1);
+    if (path != NULL) APP_MUST_FILE(self->app, path, app_hash_file(path, &sha, &error));
+    lg_sha256_finish(&sha, label);
+    APP_MUST_FILE(self->app, self->out, trials_open(self, label, &error));
 }
 
 void trials_exchange(trials_work *self, size_t item, const void *record) {

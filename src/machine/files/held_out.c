@@ -223,7 +223,7 @@ static double sign_test(double n, double wins) {
 }
 
 lg_held_out_ratio lg_held_out_compare(size_t count, const double *square, const double *than) {
-    static const double least = 1e-300, few = 24, rare = 0.005;
+    static const double least = 1e-300, few = 24, rare = 0.005, less = 0.95;
     double sums[2] = {0, 0}, mean = 0, spread = 0, used = 0, wins = 0;
     for (size_t i = 0; i < count; i++) {
         if (isnan(square[i]) || isnan(than[i])) continue;
@@ -241,5 +241,13 @@ lg_held_out_ratio lg_held_out_compare(size_t count, const double *square, const 
     out.better = !isfinite(sums[1]) ||
                  (out.ratio < 1 && (-mean > student((size_t)used) * sqrt(spread / (used - 1) / used) ||
                                     (used < few && sign_test(used, wins) < rare)));
+    out.clear = out.better && out.ratio < less;
     return out;
+}
+
+double lg_held_out_error(const lg_held_out *held, const double *square) {
+    double sum = 0, count = 0;
+    for (size_t i = 0; i < held->count; i++)
+        if (!isnan(square[i])) sum += square[i], count++;
+    return sqrt(sum / count);
 }

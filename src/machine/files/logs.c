@@ -1,9 +1,10 @@
-/* Logs: cuts what was read into parts without gaps, cleans and checks it, and brings it into the machine's
- * order. */
+/* Logs: reads the table, cuts it into parts without gaps, cleans and checks it, and brings it into the
+ * machine's order. */
 #include <math.h>
 #include <string.h>
 
 #include "core/median.h"
+#include "files/frame.h"
 #include "files/h5.h"
 #include "machine/files/log_table.h"
 
@@ -20,6 +21,113 @@ static const char *first_path(const lg_log_table *t) {
     return lg_shown_path(t->paths[0]);
 }
 
+enum { FIRST_WARNINGS = 8 };
+
+lg_status lg_log_no_memory(const lg_log_table *table) {
+    return lg_no_memory_for(table->paths[0], table->error);
+}
+
+void lg_log_warn(lg_log_table *table, const char *format, ...) {
+    va_list arguments;
+    lg_logs *out = table->out;
+    const uint32_t count = out->warning_count;
+    if (count == 0 || (count >= FIRST_WARNINGS && (count & (count - 1)) == 0)) {
+        char(*more)[LG_LOG_SENTENCE] =
+            lg_widen(table->context, out->warnings, count, count == 0 ? FIRST_WARNINGS : 2 * (size_t)count,
+                     sizeof *more);
+        table->failed = table->failed || more == NULL;
+        if (more == NULL) return;
+        out->warnings = more;
+    }
+    va_start(arguments, format);
+    (void)lg_format_list(out->warnings[out->warning_count++], LG_LOG_SENTENCE, format, arguments);
+    va_end(arguments);
+}
+
+void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_name_list *names) {
+    *names = (lg_name_list){.used = 0};
+    for (uint32_t i = 0; i < count; i++) lg_name_list_add(names, table->machine->columns[first + i].name);
+}
+
+/* ---- reading ---- */
+
+/* Makes room for the rows of a file. */
+static lg_status grow(lg_log_table *table, size_t rows) {
+    if (rows <= table->room - table->rows) return LG_OK;
+    const size_t room = 2 * table->room + rows;
+    double *data = lg_widen(table->context, table->data, table->rows * table->columns, room * table->columns,
+                            sizeof *data);
+    if (data != NULL) table->data = data;
+    lg_log_origin *origin = lg_widen(table->context, table->origin, table->rows, room, sizeof *origin);
+    if (origin != NULL) table->origin = origin;
+    if (data != NULL && origin != NULL) table->room = room;
+    return data != NULL && origin != NULL ? LG_OK : lg_log_no_memory(table);
+}
+
+/* Appends the rows that have a time; the others are counted in rows_read of the logs only. */
+static lg_status append_rows(lg_log_table *t, uint32_t file, const lg_frame *f) {
+    const lg_log_column *columns = t->machine->columns;
+    const uint32_t time = t->machine->time, run = t->machine->run;
+    const char *before = NULL;
+    LG_TRY(grow(t, f->rows));
+    for (size_t row = 0; row < f->rows; row++) {
+        const double *values = f->value + row * f->width;
+        double *to = lg_log_row(t, t->rows);
+        const char *name = run < t->columns ? lg_frame_text_of(f, row, &f->want[run]) : "";
+        if (run < t->columns && *name == '\0')
+            return lg_frame_fail(f, row, columns[run].name, t->error,
+                                 "the row names no run: fill the cell, or remove the row");
+        if (before == NULL || strcmp(name, before) != 0) {
+            t->out->runs++;
+            lg_text_append(&t->names, name, strlen(name) + 1);
+        }
+        before = name;
+        t->out->rows_read++;
+        if (isnan(values[f->want[time].first])) continue;
+        t->origin[t->rows] = (lg_log_origin){f->line[row], file, t->out->runs - 1};
+        for (uint32_t i = 0; i < t->columns; i++) to[i] = i == run ? 0 : values[f->want[i].first];
+        t->rows++;
+    }
+    return LG_OK;
+}
+
+static lg_status read_file(lg_log_table *t, uint32_t file, lg_frame *f) {
+    const size_t before = t->rows, read = t->out->rows_read;
+    LG_TRY(lg_frame_open(f, t->error));
+    t->place[file] = f->place;
+    LG_TRY(lg_frame_next(f, SIZE_MAX, t->error));
+    LG_TRY(append_rows(t, file, f));
+    if (f->cut) lg_log_warn(t, "%s: the last line was cut off and left out", f->shown);
+    const size_t timeless = t->out->rows_read - read - (t->rows - before);
+    if (t->rows == before)
+        return lg_fail(t->error, LG_FORMAT, "%s: has no row with a time (column %s)", f->shown,
+                       t->machine->columns[t->machine->time].name);
+    if (timeless > 0) lg_log_warn(t, "%s: %zu rows without a time were left out", f->shown, timeless);
+    return LG_OK;
+}
+
+static lg_status read_files(lg_log_table *t) {
+    LG_TRY_SCRATCH(lg_frame_want, want, t->context, t->columns, lg_log_no_memory(t));
+    for (uint32_t file = 0; file < t->files; file++) {
+        lg_frame f = {.context = t->context,
+                      .path = t->paths[file],
+                      .what = "log",
+                      .options = &t->options->read,
+                      .want = want,
+                      .wants = t->columns};
+        for (uint32_t i = 0; i < t->columns; i++)
+            want[i] = (lg_frame_want){.name = t->machine->columns[i].name,
+                                      .scale = t->machine->columns[i].scale,
+                                      .as = i == t->machine->run    ? LG_FRAME_TEXT
+                                            : i == t->machine->time ? LG_FRAME_TIME
+                                                                    : LG_FRAME_NUMBER};
+        const lg_status status = read_file(t, file, &f);
+        lg_frame_close(&f);
+        LG_TRY(status);
+    }
+    return LG_OK;
+}
+
 /* ---- steps ---- */
 
 /* Appends the time steps of one file, from row *row on; *row becomes the first row of the next file. */
@@ -30,7 +138,7 @@ static lg_status steps_of_file(const lg_log_table *t, size_t *row, double *steps
         if (t->origin[*row].run != t->origin[*row - 1].run) continue;
         const double before = lg_log_time(t, *row - 1), now = lg_log_time(t, *row);
         if (!(now > before))
-            return lg_log_fail(
+            return LG_LOG_FAIL(
                 t, *row,
                 "column %s: time does not increase: %.9g after %.9g. Two clocks, a restart, or rows out of "
                 "order? Name a column that separates the runs (columns: {run: ...}), or sort the rows",
@@ -243,6 +351,96 @@ static lg_status cut(lg_log_table *t) {
                    late ? ": is the delay longer than the runs?" : "");
 }
 
+/* ---- integrals ---- */
+
+/* Logs that measure velocities alone: positions are their integrals from 0 at the start of each part. Logs
+ * that measure accelerations alone: velocities and positions are integrals without their drift, guesses from
+ * which the starts of windows are estimated. */
+
+/* out (rows, velocities): integrals of x from 0 at the start of each part; a missing number is the one
+ * before. */
+static void integrate(const lg_log_table *table, const double *x, double *out) {
+    const size_t n = table->machine->machine.velocities;
+    double held[LG_MACHINE_VELOCITIES], next[LG_MACHINE_VELOCITIES];
+    for (size_t part = 0; part < table->parts; part++)
+        for (size_t row = table->first[part], begin = row; row < table->first[part + 1]; row++)
+            for (size_t k = 0; k < n; k++) {
+                const double here = x[row * n + k];
+                next[k] = !isnan(here) ? here : row > begin ? held[k] : 0.0;
+                const double h = row > begin ? lg_log_time(table, row) - lg_log_time(table, row - 1) : 0.0;
+                out[row * n + k] = row > begin ? out[(row - 1) * n + k] + 0.5 * h * (held[k] + next[k]) : 0.0;
+                held[k] = next[k];
+            }
+}
+
+/* A straight line, x0 + slope (t - t0). */
+typedef struct line {
+    double t0, x0, slope;
+} line;
+
+static line fit_line(const lg_log_table *table, const double *x, size_t k, size_t first, size_t end) {
+    const size_t n = table->machine->machine.velocities;
+    const double count = (double)(end - first);
+    double t0 = 0, x0 = 0, tt = 0, tx = 0;
+    for (size_t row = first; row < end; row++) {
+        t0 += lg_log_time(table, row) / count;
+        x0 += x[row * n + k] / count;
+    }
+    for (size_t row = first; row < end; row++) {
+        const double t = lg_log_time(table, row) - t0;
+        tt += t * t;
+        tx += t * (x[row * n + k] - x0);
+    }
+    return (line){t0, x0, tt > 0 ? tx / tt : 0};
+}
+
+static double line_at(const line *of, double t) {
+    return of->x0 + of->slope * (t - of->t0);
+}
+
+/* Subtracts from number k of rows first .. end - 1 what drifts: the lines through pieces of PIECE rows, half
+ * of which each shares with the next, blended linearly from one to the next. work (rows) */
+static void remove_drift(const lg_log_table *table, double *x, size_t k, size_t first, size_t end,
+                         double *work) {
+    enum { PIECE = 400, HALF = PIECE / 2 };
+    const size_t n = table->machine->machine.velocities;
+    line now = fit_line(table, x, k, first, end < first + PIECE ? end : first + PIECE), next = now;
+    for (size_t begin = first; begin < end; begin += HALF) {
+        const size_t stop = end < begin + HALF ? end : begin + HALF;
+        const bool more = begin > first && begin + PIECE <= end;
+        now = next;
+        if (more) next = fit_line(table, x, k, begin, begin + PIECE);
+        for (size_t row = begin; row < stop; row++) {
+            const double t = lg_log_time(table, row), share = (double)(row - begin) / HALF;
+            work[row] = (1 - share) * line_at(&now, t) + share * line_at(&next, t);
+        }
+    }
+    for (size_t row = first; row < end; row++) x[row * n + k] -= work[row];
+}
+
+static void remove_drifts(const lg_log_table *table, double *x, double *work) {
+    for (size_t part = 0; part < table->parts; part++)
+        for (size_t k = 0; k < table->machine->machine.velocities; k++)
+            remove_drift(table, x, k, table->first[part], table->first[part + 1], work);
+}
+
+/* Replaces what is not measured of the rows of `out`: positions with `measured: velocities-only`; with
+ * `measured: accelerations`, where v holds these, it moves them to a and fills q and v. */
+static lg_status integrate_all(const lg_log_table *table, lg_logs *out) {
+    const size_t n = table->machine->machine.velocities;
+    if (table->machine->measured == LG_MEASURED_VELOCITIES_ONLY) integrate(table, out->v, out->q);
+    if (table->machine->measured != LG_MEASURED_ACCELERATIONS) return LG_OK;
+    LG_TRY_SCRATCH(double, work, table->context, table->rows, LG_OUT_OF_MEMORY);
+    out->a = lg_alloc(table->context, table->rows, n * sizeof *out->a);
+    if (out->a == NULL) return LG_OUT_OF_MEMORY;
+    memcpy(out->a, out->v, table->rows * n * sizeof *out->a);
+    integrate(table, out->a, out->v);
+    remove_drifts(table, out->v, work);
+    integrate(table, out->v, out->q);
+    remove_drifts(table, out->q, work);
+    return LG_OK;
+}
+
 /* ---- logs in the machine's order ---- */
 
 static void fill_state(const lg_log_table *t, size_t row, double *q, double *v) {
@@ -294,7 +492,7 @@ static lg_status fill(lg_log_table *t) {
         out->t[row] = lg_log_time(t, row);
         fill_state(t, row, out->q + row * m->positions, out->v + row * m->velocities);
     }
-    if (lg_log_integrate(t, out) != LG_OK) return lg_log_no_memory(t);
+    if (integrate_all(t, out) != LG_OK) return lg_log_no_memory(t);
     for (size_t part = 0; part < t->parts; part++) {
         out->part_file[part] = t->origin[t->first[part]].file;
         out->part_run[part] = t->origin[t->first[part]].run;
@@ -319,7 +517,7 @@ static lg_status fill(lg_log_table *t) {
 /* ---- reading ---- */
 
 static lg_status read_logs(lg_log_table *t) {
-    LG_TRY(lg_log_read_files(t));
+    LG_TRY(read_files(t));
     t->out->files = t->files;
     for (uint32_t i = 0; i < t->machine->machine.input_count; i++) {
         const lg_log_input *input = &t->machine->inputs[i];
