@@ -363,14 +363,6 @@ static void report_task(const trials_work *self) {
             LG_AS_WHOLE("count", self->count));
 }
 
-/* All ranks have ended their work, or one of them has failed. */
-static void meet(trials_work *self, const lg_ranks *ranks) {
-    self->app->ranks = ranks;
-    if (self->status == LG_OK && app_interrupted()) self->status = LG_CANCELLED;
-    self->status = lg_ranks_agree(ranks, self->status, &self->error);
-    app_end_exchanges(self->app);
-}
-
 static void stop_if_unfinished(const trials_work *self) {
     const size_t left = self->count - trials_known(self);
     if (left > 0)
@@ -386,7 +378,12 @@ bool trials_run(trials_work *self) {
         run_jobs(self);
     else if (!self->values->merge)
         app_parallel(self->threads, (size_t)self->threads, work, self);
-    if (ranks != NULL) meet(self, ranks);
+    host->ranks = ranks;
+    if (ranks != NULL) { /* all ranks have ended their work, or one of them has failed */
+        if (self->status == LG_OK && app_interrupted()) self->status = LG_CANCELLED;
+        self->status = lg_ranks_agree(ranks, self->status, &self->error);
+        app_end_exchanges(host);
+    }
     const char *again = parts ? "the same command continues" : self->resume;
     if (app_interrupted() || self->status == LG_CANCELLED)
         app_stop(host, LG_CANCELLED, "stopped after %zu of %zu %s (%s)%s%s", trials_known(self), self->count,

@@ -40,7 +40,7 @@ lg_status lg_held_out_match(const lg_held_out *held, const lg_logs *from, const 
 /* Whether one of the rows row .. row + rows - 1 is predicted by a window. */
 bool lg_held_out_has(const lg_held_out *held, size_t row, size_t rows);
 /* Mean squared error of each window's free run, in units of the motion in windows; infinite if a run is not
- * finite. Positions count where they are measured, else velocities. */
+ * finite. Positions count where they are measured, else velocities (horizons.c). */
 lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *model,
                             const lg_machine_log *log, double *square, lg_error *error);
 /* Compares errors of the same windows: `ratio` of the root mean squares, and whether `square` is smaller

@@ -82,22 +82,16 @@ static lg_status mend_attitude(cleaning *c, size_t row, double *x) {
                        whats[count], length);
 }
 
-static bool any_nan(const double *x, uint32_t n) {
-    for (uint32_t i = 0; i < n; i++)
-        if (isnan(x[i])) return true;
-    return false;
-}
-
 static lg_status clean_attitudes(cleaning *c, size_t part) {
     const lg_log_table *table = c->table;
     const uint32_t count = c->where->attitudes;
     const double *before = NULL;
     for (size_t row = table->first[part]; row < table->first[part + 1]; row++) {
         double *x = lg_log_row(table, row) + c->where->attitude, dot = 0;
-        if (any_nan(x, count)) {
-            for (uint32_t i = 0; i < count; i++) x[i] = NAN;
-            continue;
-        }
+        bool missing = false;
+        for (uint32_t i = 0; i < count; i++) missing = missing || isnan(x[i]);
+        for (uint32_t i = 0; i < count && missing; i++) x[i] = NAN;
+        if (missing) continue;
         LG_TRY(mend_attitude(c, row, x));
         if (count != 4) continue;
         for (uint32_t i = 0; i < 4 && before != NULL; i++) dot += x[i] * before[i];

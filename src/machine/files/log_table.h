@@ -1,5 +1,5 @@
-/* The table through which logs are read into lg_logs. logs.c fills it with the columns of the
- * machine's file and cuts it into parts, log_clean.c mends attitudes and angles, log_outliers.c
+/* The table through which logs are read into lg_logs. log_table.c fills it with the columns of the
+ * machine's file, logs.c cuts it into parts, log_clean.c mends attitudes and angles, log_outliers.c
  * leaves out or warns of values far from all others, log_check.c compares positions with velocities,
  * log_statistics.c has ranges, noise and splines. */
 #ifndef LG_LOG_TABLE_H
@@ -61,6 +61,9 @@ void lg_log_warn(lg_log_table *table, const char *format, ...) __attribute__((fo
         (table)->origin[row].line
 /* Lists the names of columns first .. first + count - 1. */
 void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_name_list *names);
+
+/* Reads all files. */
+lg_status lg_log_read_files(lg_log_table *table);
 
 /* For each file and column, refuses values so large that the other values are lost in rounding, and warns of
  * values that jump far from all others and come back within two rows. */
