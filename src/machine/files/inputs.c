@@ -228,28 +228,24 @@ static lg_status search(lg_training *self, grid *g, bool tell, lg_error *error) 
 
 /* First one hold and one delay for all inputs that have `auto`, then those of one such input after the
  * other. A file without `hold` gets one hold for all inputs. */
-static lg_status choose(lg_training *self, grid *g, lg_error *error) {
+lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
     const lg_machine_data *data = &((const lg_machine_state *)self->state)->data;
-    const uint32_t n = data->file.machine.input_count;
+    const lg_machine *machine = &data->file.machine;
+    const uint32_t n = machine->input_count;
+    if (n == 0 || machine->parameters == 0) return LG_OK;
     const bool all = !data->file.hold_given && !acts_alike(data);
     lg_log_input asked[LG_MACHINE_INPUTS];
     uint32_t count = 0;
+    grid g;
     memcpy(asked, data->file.inputs, sizeof asked);
     for (uint32_t i = 0; i < n; i++) count += asked[i].choose_hold || asked[i].choose_delay;
-    make_grid(asked, 0, n, all, g);
-    if (g->holds * g->delays > 1) LG_TRY(search(self, g, count <= 1, error));
+    make_grid(asked, 0, n, all, &g);
+    if (g.holds * g.delays > 1) LG_TRY(search(self, &g, count <= 1, error));
     for (uint32_t i = 0; i < n && count > 1; i++) {
-        make_grid(asked, i, i + 1, false, g);
-        if (g->holds * g->delays > 1) LG_TRY(search(self, g, true, error));
+        make_grid(asked, i, i + 1, false, &g);
+        if (g.holds * g.delays > 1) LG_TRY(search(self, &g, true, error));
     }
     return LG_OK;
-}
-
-lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
-    const lg_machine *machine = &((const lg_machine_state *)self->state)->data.file.machine;
-    if (machine->input_count == 0 || machine->parameters == 0) return LG_OK;
-    grid g;
-    return choose(self, &g, error);
 }
 
 /* Multiplies a parameter's row of W by the largest factor of the numbers that change with this parameter.
