@@ -144,12 +144,10 @@ static void put_recordings(app_plot *plot, const void *sampled) {
 static bool simulate(const app *self, size_t windows, lg_series *series, trials_work *made) {
     const size_t window = (size_t)series->channels * series->length;
     generating what = {.app = self, .series = series, .windows_of_run = windows};
-    char label[LG_SHA256_TEXT];
     APP_FREE char *text =
         app_format("%llu %.17g %.17g %.17g %d %d %.17g %.17g %llu", (unsigned long long)values.runs,
                    values.hours, values.window, values.well.noise, values.well.housing, values.well.operation,
                    values.well.load_relief, values.well.severity, (unsigned long long)self->seed);
-    trials_label(self, text, NULL, label);
     made->count = (size_t)values.runs;
     made->array_count = 4;
     made->run = generate_run;
@@ -159,7 +157,7 @@ static bool simulate(const app *self, size_t windows, lg_series *series, trials_
     made->arrays[1] = (trials_array){series->label, windows * sizeof *series->label, SIZE_MAX};
     made->arrays[2] = (trials_array){series->group, windows * sizeof *series->group, SIZE_MAX};
     made->arrays[3] = (trials_array){series->run, windows * sizeof *series->run, SIZE_MAX};
-    APP_MUST_FILE(self, values.out, trials_open(made, label, &error));
+    trials_begin(made, text, NULL);
     return trials_run(made);
 }
 

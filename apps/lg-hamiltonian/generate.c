@@ -132,18 +132,16 @@ static bool make_all(const app *self, const lg_scene *scene, const lg_trajectory
     const size_t each = STARTS_OF_PIECE * how->segments,
                  point = data->points * data->state_dim * sizeof(double);
     generating what = {self, scene, how, data, each};
-    char label[LG_SHA256_TEXT];
     APP_FREE char *text = app_format(
         "%zu %zu %.17g %.17g %d %d %llu %zu %.17g", how->trajectories, how->points, how->t_end, how->noise,
         how->noise_first, (int)how->noise_kind, (unsigned long long)how->seed, how->segments, values.speed);
-    trials_label(self, text, self->arguments[0], label);
     made->count = (data->count + each - 1) / each;
     made->array_count = 2;
     made->arrays[0] = (trials_array){data->data, each * point, data->count * point};
     made->arrays[1] = (trials_array){data->hamiltonian, each * sizeof(double), data->count * sizeof(double)};
     made->run = make_piece;
     made->user = &what;
-    APP_MUST_FILE(self, values.out, trials_open(made, label, &error));
+    trials_begin(made, text, self->arguments[0]);
     return trials_run(made);
 }
 

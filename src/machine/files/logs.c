@@ -30,7 +30,7 @@ static lg_status steps_of_file(const lg_log_table *t, size_t *row, double *steps
         if (t->origin[*row].run != t->origin[*row - 1].run) continue;
         const double before = lg_log_time(t, *row - 1), now = lg_log_time(t, *row);
         if (!(now > before))
-            return lg_log_fail(
+            return LG_LOG_FAIL(
                 t, *row,
                 "column %s: time does not increase: %.9g after %.9g. Two clocks, a restart, or rows out of "
                 "order? Name a column that separates the runs (columns: {run: ...}), or sort the rows",
@@ -41,7 +41,7 @@ static lg_status steps_of_file(const lg_log_table *t, size_t *row, double *steps
 }
 
 /* Finds the median time step of all files, and warns if the files' medians differ much. */
-static lg_status measure_steps(lg_log_table *t) {
+static lg_status find_steps(lg_log_table *t) {
     LG_TRY_SCRATCH(double, steps, t->context, t->rows, lg_log_no_memory(t));
     lg_logs *out = t->out;
     double least = INFINITY, most = 0;
@@ -230,6 +230,96 @@ static lg_status cut(lg_log_table *t) {
                    late ? ": is the delay longer than the runs?" : "");
 }
 
+/* ---- integrals ---- */
+
+/* Logs that measure velocities alone: positions are their integrals from 0 at the start of each part. Logs
+ * that measure accelerations alone: velocities and positions are integrals without their drift, guesses from
+ * which the starts of windows are estimated. */
+
+/* out (rows, velocities): integrals of x from 0 at the start of each part; a missing number is the one
+ * before. */
+static void integrate(const lg_log_table *table, const double *x, double *out) {
+    const size_t n = table->machine->machine.velocities;
+    double held[LG_MACHINE_VELOCITIES], next[LG_MACHINE_VELOCITIES];
+    for (size_t part = 0; part < table->parts; part++)
+        for (size_t row = table->first[part], begin = row; row < table->first[part + 1]; row++)
+            for (size_t k = 0; k < n; k++) {
+                const double here = x[row * n + k];
+                next[k] = !isnan(here) ? here : row > begin ? held[k] : 0.0;
+                const double h = row > begin ? lg_log_time(table, row) - lg_log_time(table, row - 1) : 0.0;
+                out[row * n + k] = row > begin ? out[(row - 1) * n + k] + 0.5 * h * (held[k] + next[k]) : 0.0;
+                held[k] = next[k];
+            }
+}
+
+/* A straight line, x0 + slope (t - t0). */
+typedef struct line {
+    double t0, x0, slope;
+} line;
+
+static line fit_line(const lg_log_table *table, const double *x, size_t k, size_t first, size_t end) {
+    const size_t n = table->machine->machine.velocities;
+    const double count = (double)(end - first);
+    double t0 = 0, x0 = 0, tt = 0, tx = 0;
+    for (size_t row = first; row < end; row++) {
+        t0 += lg_log_time(table, row) / count;
+        x0 += x[row * n + k] / count;
+    }
+    for (size_t row = first; row < end; row++) {
+        const double t = lg_log_time(table, row) - t0;
+        tt += t * t;
+        tx += t * (x[row * n + k] - x0);
+    }
+    return (line){t0, x0, tt > 0 ? tx / tt : 0};
+}
+
+static double line_at(const line *of, double t) {
+    return of->x0 + of->slope * (t - of->t0);
+}
+
+/* Subtracts from number k of rows first .. end - 1 what drifts: the lines through pieces of PIECE rows, half
+ * of which each shares with the next, blended linearly from one to the next. work (rows) */
+static void remove_drift(const lg_log_table *table, double *x, size_t k, size_t first, size_t end,
+                         double *work) {
+    enum { PIECE = 400, HALF = PIECE / 2 };
+    const size_t n = table->machine->machine.velocities;
+    line now = fit_line(table, x, k, first, end < first + PIECE ? end : first + PIECE), next = now;
+    for (size_t begin = first; begin < end; begin += HALF) {
+        const size_t stop = end < begin + HALF ? end : begin + HALF;
+        const bool more = begin > first && begin + PIECE <= end;
+        now = next;
+        if (more) next = fit_line(table, x, k, begin, begin + PIECE);
+        for (size_t row = begin; row < stop; row++) {
+            const double t = lg_log_time(table, row), share = (double)(row - begin) / HALF;
+            work[row] = (1 - share) * line_at(&now, t) + share * line_at(&next, t);
+        }
+    }
+    for (size_t row = first; row < end; row++) x[row * n + k] -= work[row];
+}
+
+static void remove_drifts(const lg_log_table *table, double *x, double *work) {
+    for (size_t part = 0; part < table->parts; part++)
+        for (size_t k = 0; k < table->machine->machine.velocities; k++)
+            remove_drift(table, x, k, table->first[part], table->first[part + 1], work);
+}
+
+/* Replaces what is not measured of the rows of `out`: positions with `measured: velocities-only`; with
+ * `measured: accelerations`, where v holds these, it moves them to a and fills q and v. */
+static lg_status integrate_all(const lg_log_table *table, lg_logs *out) {
+    const size_t n = table->machine->machine.velocities;
+    if (table->machine->measured == LG_MEASURED_VELOCITIES_ONLY) integrate(table, out->v, out->q);
+    if (table->machine->measured != LG_MEASURED_ACCELERATIONS) return LG_OK;
+    LG_TRY_SCRATCH(double, work, table->context, table->rows, LG_OUT_OF_MEMORY);
+    out->a = lg_alloc(table->context, table->rows, n * sizeof *out->a);
+    if (out->a == NULL) return LG_OUT_OF_MEMORY;
+    memcpy(out->a, out->v, table->rows * n * sizeof *out->a);
+    integrate(table, out->a, out->v);
+    remove_drifts(table, out->v, work);
+    integrate(table, out->v, out->q);
+    remove_drifts(table, out->q, work);
+    return LG_OK;
+}
+
 /* ---- logs in the machine's order ---- */
 
 static void fill_state(const lg_log_table *t, size_t row, double *q, double *v) {
@@ -274,7 +364,7 @@ static lg_status fill(lg_log_table *t) {
         out->t[row] = lg_log_time(t, row);
         fill_state(t, row, out->q + row * m->positions, out->v + row * m->velocities);
     }
-    if (lg_log_integrate(t, out) != LG_OK) return lg_log_no_memory(t);
+    if (integrate_all(t, out) != LG_OK) return lg_log_no_memory(t);
     for (size_t part = 0; part < t->parts; part++) {
         out->part_file[part] = t->origin[t->first[part]].file;
         out->part_run[part] = t->origin[t->first[part]].run;
@@ -305,7 +395,7 @@ static lg_status read_logs(lg_log_table *t) {
         const lg_log_input *input = &t->machine->inputs[i];
         t->out->delay[i] = input->estimate_delay ? t->options->delay : input->delay;
     }
-    LG_TRY(measure_steps(t));
+    LG_TRY(find_steps(t));
     LG_TRY(measure_columns(t));
     warn_of_columns(t);
     LG_TRY(lg_log_compare_with_range(t));

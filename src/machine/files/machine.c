@@ -5,6 +5,7 @@
 
 #include "files/h5.h"
 #include "machine/files/reading.h"
+#include "machine/files/recipe.h"
 
 typedef lg_machine_reading reading;
 
@@ -334,6 +335,56 @@ static lg_status read_numbers(reading *r, const lg_field *key, const lg_key_valu
     return LG_OK;
 }
 
+/* ---- dependence on positions ---- */
+
+/* A potential that is linear in a line: a constant force, wherever the line is. */
+static bool is_constant_force(const lg_machine *machine, const lg_machine_term *term, uint32_t coordinate) {
+    const char *name = lg_term_kind_name(term->kind);
+    const bool linear = strcmp(name, "linear") == 0 || strcmp(name, "gravity") == 0;
+    return term->part == LG_MACHINE_POTENTIAL && linear &&
+           machine->coordinates[coordinate].kind == LG_COORDINATE_LINE;
+}
+
+/* Whether feature k of a term is a position on which the term depends. */
+static bool uses(const lg_machine *machine, const lg_machine_term *term, uint32_t k) {
+    const lg_machine_feature of = term->of[k];
+    return term->part != LG_MACHINE_OFFSET && of.kind != LG_FEATURE_VELOCITY && of.kind != LG_FEATURE_INPUT &&
+           !is_constant_force(machine, term, of.index);
+}
+
+bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate) {
+    for (uint32_t t = 0; t < machine->term_count; t++)
+        for (uint32_t k = 0; k < machine->terms[t].of_count; k++)
+            if (machine->terms[t].of[k].index == coordinate && uses(machine, &machine->terms[t], k))
+                return true;
+    return false;
+}
+
+/* Logs that measure velocities alone, a drive's speed: nothing may depend on positions. */
+static lg_status refuse_positions(reading *r) {
+    const lg_machine *machine = &r->out->machine;
+    if (r->out->measured != LG_MEASURED_VELOCITIES_ONLY) return LG_OK;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++)
+        if (machine->coordinates[i].kind > LG_COORDINATE_ANGLE)
+            return LG_FAULT(r, 1, "%s: with `measured: velocities-only` a coordinate is a line or an angle",
+                            machine->coordinates[i].name);
+    if (machine->grey.system != NULL) /* all systems of lines and angles have a potential */
+        return LG_FAULT(r, 1,
+                        "system: %s depends on positions, but the log has velocities alone: log the "
+                        "positions too",
+                        machine->grey.system->name);
+    for (uint32_t t = 0; t < machine->term_count; t++)
+        for (uint32_t k = 0; k < machine->terms[t].of_count; k++)
+            if (uses(machine, &machine->terms[t], k))
+                return LG_FAULT(
+                    r, r->lines[t],
+                    "%s: depends on the position of %s, but the log has velocities alone: log the "
+                    "position too, or leave this out",
+                    lg_machine_part_name(machine->terms[t].part),
+                    machine->coordinates[machine->terms[t].of[k].index].name);
+    return LG_OK;
+}
+
 /* ---- the file ---- */
 
 /* The line of the term that an error sentence begins with, "mass of kind known: ..."; 0: no term. */
@@ -423,7 +474,7 @@ lg_status lg_machine_file_parse(const lg_context *context, const char *name, con
         if (!more) break;
         LG_TRY(read_change(&r, values));
     }
-    LG_TRY(lg_machine_refuse_positions(&r));
+    LG_TRY(refuse_positions(&r));
     LG_TRY(finish_machine(&r));
     *out = *made;
     out->context = context;
