@@ -62,16 +62,6 @@ static lg_status survey_begin(const lg_detector_problem *problem, const double *
     return LG_GIVE(out, s);
 }
 
-/* Updates low and high (units) with the values (rows, units) of a layer. */
-static void widen(const double *values, size_t rows, size_t units, double *low, double *high) {
-    for (size_t r = 0; r < rows; r++)
-        for (size_t u = 0; u < units; u++) {
-            const double x = values[r * units + u];
-            low[u] = x < low[u] ? x : low[u];
-            high[u] = x > high[u] ? x : high[u];
-        }
-}
-
 /* Evaluates the training windows from .. from + count - 1 and updates low and high of all units. */
 static lg_status look(survey *s, size_t from, size_t count) {
     lg_var layers[CNN_MAX_LAYERS];
@@ -86,7 +76,12 @@ static lg_status look(survey *s, size_t from, size_t count) {
         const size_t units = s->layout.layer[i].out,
                      values = lg_shape_count(lg_var_shape(s->tape, layers[i]));
         LG_TRY(lg_read(s->tape, layers[i], values, s->values));
-        widen(s->values, values / units, units, s->low + at, s->high + at);
+        double *low = s->low + at, *high = s->high + at;
+        for (const double *y = s->values; y < s->values + values; y += units)
+            for (size_t u = 0; u < units; u++) {
+                low[u] = y[u] < low[u] ? y[u] : low[u];
+                high[u] = y[u] > high[u] ? y[u] : high[u];
+            }
         at += units;
     }
     return LG_OK;

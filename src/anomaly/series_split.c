@@ -119,17 +119,6 @@ static size_t deal(const split_task *t, unit *units, size_t n, lg_rng *rng) {
     return test;
 }
 
-/* Returns the first class that no unit of the training part has, or the number of classes if there is
- * none. */
-static uint32_t unseen_class(split_task *t) {
-    const unit *u = t->set.unit;
-    for (size_t i = 0; i < t->set.units; i++)
-        for (size_t c = 0; u[i].part == LG_PART_TRAIN && c < u[i].count; c++) t->seen[u[i].classes[c]] = true;
-    uint32_t c = 0;
-    while (c < t->series->classes && t->seen[c]) c++;
-    return c;
-}
-
 static const char *const unit_names[LG_SPLIT_COUNT] = {"windows", "runs", "groups"};
 
 static lg_status run_split(split_task *t, uint64_t seed, uint8_t *parts, lg_error *error) {
@@ -143,7 +132,10 @@ static lg_status run_split(split_task *t, uint64_t seed, uint8_t *parts, lg_erro
         end = end_of_stratum(&t->set, first);
         tested += deal(t, t->set.unit + first, end - first, &rng);
     }
-    const uint32_t unseen = unseen_class(t);
+    for (const unit *u = t->set.unit; u < t->set.unit + t->set.units; u++)
+        for (size_t c = 0; u->part == LG_PART_TRAIN && c < u->count; c++) t->seen[u->classes[c]] = true;
+    uint32_t unseen = 0; /* the first class that no unit of the training part has */
+    while (unseen < t->series->classes && t->seen[unseen]) unseen++;
     if (unseen < t->series->classes)
         return lg_fail(error, LG_INVALID_ARGUMENT, "there is no window of class \"%s\" to train on",
                        t->series->class_name != NULL ? t->series->class_name[unseen] : "?");

@@ -337,17 +337,6 @@ static void fill_state(const lg_log_table *t, size_t row, double *q, double *v) 
     }
 }
 
-static void fill_inputs(const lg_log_table *t, size_t part, double *work) {
-    const size_t inputs = t->machine->machine.input_count, begin = t->first[part], end = t->first[part + 1];
-    for (uint32_t i = 0; i < t->columns; i++) {
-        const lg_log_column *c = &t->machine->columns[i];
-        if (c->role == LG_LOG_INPUT)
-            lg_log_act(t->machine->inputs[c->index].hold, end - begin, t->out->t + begin,
-                       lg_log_row(t, begin) + i, t->columns, inputs, work,
-                       t->out->u + 4 * begin * inputs + c->index);
-    }
-}
-
 static lg_status fill(lg_log_table *t) {
     lg_logs *out = t->out;
     const lg_machine *m = &t->machine->machine;
@@ -367,8 +356,15 @@ static lg_status fill(lg_log_table *t) {
     if (integrate_all(t, out) != LG_OK) return lg_log_no_memory(t);
     for (size_t part = 0; part < t->parts; part++) {
         out->part_file[part] = t->origin[t->first[part]].file;
-        out->part_run[part] = t->origin[t->first[part]].run;
-        fill_inputs(t, part, work);
+        const size_t inputs = m->input_count, begin = t->first[part], end = t->first[part + 1];
+        out->part_run[part] = t->origin[begin].run;
+        for (uint32_t i = 0; i < t->columns; i++) {
+            const lg_log_column *c = &t->machine->columns[i];
+            if (c->role == LG_LOG_INPUT)
+                lg_log_act(t->machine->inputs[c->index].hold, end - begin, out->t + begin,
+                           lg_log_row(t, begin) + i, t->columns, inputs, work,
+                           out->u + 4 * begin * inputs + c->index);
+        }
     }
     out->first = t->first;
     t->first = NULL;

@@ -387,26 +387,20 @@ static lg_status refuse_positions(reading *r) {
 
 /* ---- the file ---- */
 
-/* The line of the term that an error sentence begins with, "mass of kind known: ..."; 0: no term. */
-static uint32_t line_at_fault(const reading *r, const char *sentence) {
-    char name[64];
-    for (uint32_t i = 0; i < r->out->machine.term_count; i++) {
-        const lg_machine_term *term = &r->out->machine.terms[i];
-        (void)snprintf(name, sizeof name, "%s of kind %s:", lg_machine_part_name(term->part),
-                       lg_term_kind_name(term->kind));
-        if (strncmp(sentence, name, strlen(name)) == 0) return r->lines[i];
-    }
-    return 0;
-}
-
 static lg_status finish_machine(reading *r) {
     lg_error inner = {LG_OK, ""};
     lg_machine *m = &r->out->machine;
     lg_machine_scales_init(&m->scales);
     const lg_status status = lg_machine_init(m, &inner);
     if (status == LG_OK) return LG_OK;
-    const uint32_t line = line_at_fault(r, inner.message);
-    if (status == LG_INVALID_ARGUMENT && line > 0) return LG_FAULT(r, line, "%s", inner.message);
+    for (uint32_t i = 0; i < m->term_count && status == LG_INVALID_ARGUMENT; i++) {
+        char name[64]; /* a sentence about a term begins with it, "mass of kind known: ..." */
+        (void)snprintf(name, sizeof name, "%s of kind %s:", lg_machine_part_name(m->terms[i].part),
+                       lg_term_kind_name(m->terms[i].kind));
+        if (strncmp(inner.message, name, strlen(name)) != 0) continue;
+        if (r->lines[i] > 0) return LG_FAULT(r, r->lines[i], "%s", inner.message);
+        break;
+    }
     return lg_fail(r->error, status == LG_INVALID_ARGUMENT ? LG_FORMAT : status, "%s: %s",
                    lg_shown_path(lg_yaml_path(r->yaml)), inner.message);
 }

@@ -12,21 +12,16 @@ lg_program_key lg_program_below(const char *group, const char *name) {
     return k;
 }
 
-static lg_status put_bytes(lg_h5 *h5, const lg_function_image *image, lg_error *error) {
+static lg_status put_function(lg_h5 *h5, const lg_program *program, size_t function, lg_error *error) {
+    LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
+    if (lg_function_image_create(program, function, &image) != LG_OK) return lg_h5_no_memory(h5, error);
+    const lg_program_key at = lg_program_below("functions", lg_program_function_name(program, function));
+    const int64_t fitted = 1;
     size_t size;
     LG_TRY(lg_function_pack(image, NULL, &size, error));
     LG_TRY_SCRATCH(char, bytes, h5->context, size, lg_h5_no_memory(h5, error));
     LG_TRY(lg_function_pack(image, bytes, &size, error));
-    return lg_h5_put(h5, lg_program_below("functions", image->name).text, LG_ELEMENT_U8, 1, &(uint64_t){size},
-                     bytes, error);
-}
-
-static lg_status put_function(lg_h5 *h5, const lg_program *program, size_t function, lg_error *error) {
-    LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
-    if (lg_function_image_create(program, function, &image) != LG_OK) return lg_h5_no_memory(h5, error);
-    LG_TRY(put_bytes(h5, image, error));
-    const lg_program_key at = lg_program_below("functions", lg_program_function_name(program, function));
-    const int64_t fitted = 1;
+    LG_TRY(lg_h5_put(h5, at.text, LG_ELEMENT_U8, 1, &(uint64_t){size}, bytes, error));
     if (!lg_program_is_fitted(program, function)) return LG_OK;
     return lg_h5_put_number(h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, error);
 }

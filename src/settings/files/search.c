@@ -161,18 +161,6 @@ static lg_status read_range(const reading *r, const char name[LG_RANGE_NAME], co
     return LG_FAIL_AT(r->yaml, value, r->error, "%s", inner.message);
 }
 
-static lg_status read_entries(const reading *r, int key, const yaml_node_t *map) {
-    const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
-    for (; pair < map->data.mapping.pairs.top; pair++) {
-        const yaml_node_t *value = lg_node_at(r->yaml, pair->value);
-        char name[LG_RANGE_NAME] = "";
-        const size_t count = key == KEY_FIXED ? r->out->fixed_count : r->out->space.count;
-        LG_TRY(read_key(r, lg_node_at(r->yaml, pair->key), count, name));
-        LG_TRY((key == KEY_FIXED ? read_fixed : read_range)(r, name, value));
-    }
-    return LG_OK;
-}
-
 static lg_status read_file(lg_yaml *yaml, lg_search_file *out, lg_error *error) {
     lg_key_value values[KEY_COUNT] = {{.line = 0}};
     const lg_key_set set = {keys, KEY_COUNT, values};
@@ -185,7 +173,13 @@ static lg_status read_file(lg_yaml *yaml, lg_search_file *out, lg_error *error) 
             return lg_yaml_fail(yaml, values[i].line, LG_FORMAT, error,
                                 "%s: names of options with their %s are expected", keys[i].name,
                                 i == KEY_FIXED ? "values" : "ranges");
-        LG_TRY(read_entries(&r, i, node));
+        for (const yaml_node_pair_t *pair = node->data.mapping.pairs.start;
+             pair < node->data.mapping.pairs.top; pair++) {
+            char name[LG_RANGE_NAME] = "";
+            const size_t count = i == KEY_FIXED ? out->fixed_count : out->space.count;
+            LG_TRY(read_key(&r, lg_node_at(yaml, pair->key), count, name));
+            LG_TRY((i == KEY_FIXED ? read_fixed : read_range)(&r, name, lg_node_at(yaml, pair->value)));
+        }
     }
     return LG_OK;
 }

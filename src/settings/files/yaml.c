@@ -476,24 +476,18 @@ static lg_status read_pair(const reading *r, const yaml_node_t *key_node, const 
     return read_map(r, node, inner);
 }
 
-/* Reports a required key directly below `prefix` that is missing. */
-static lg_status check_required(const reading *r, const yaml_node_t *map, const char *prefix) {
-    for (size_t s = 0; s < r->set_count; s++) {
-        for (size_t i = 0; i < r->sets[s].count; i++) {
-            const lg_field *key = &r->sets[s].keys[i];
-            if (key->required && r->sets[s].values[i].line == 0 && name_below(key, prefix) != NULL)
-                return LG_FAIL_AT(r->yaml, map, r->error, "key '%s' is missing", key->name);
-        }
-    }
-    return LG_OK;
-}
-
 static lg_status read_map(const reading *r, const yaml_node_t *map, const char *prefix) {
     const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
     for (; pair < map->data.mapping.pairs.top; pair++)
         LG_TRY(read_pair(r, yaml_document_get_node(&r->yaml->document, pair->key),
                          yaml_document_get_node(&r->yaml->document, pair->value), prefix));
-    return check_required(r, map, prefix);
+    for (size_t s = 0; s < r->set_count; s++) /* required keys directly below `prefix` */
+        for (size_t i = 0; i < r->sets[s].count; i++) {
+            const lg_field *key = &r->sets[s].keys[i];
+            if (key->required && r->sets[s].values[i].line == 0 && name_below(key, prefix) != NULL)
+                return LG_FAIL_AT(r->yaml, map, r->error, "key '%s' is missing", key->name);
+        }
+    return LG_OK;
 }
 
 static lg_status read_keys(const reading *r, const yaml_node_t *map) {

@@ -175,18 +175,6 @@ static lg_status check_column(lg_training *self, uint32_t column, bool *keep, lg
                    data->line[high]);
 }
 
-/* Leaves constant inputs out as if they had not been named: they would change the width and the priors. */
-static lg_status check_columns(lg_training *self, lg_error *error) {
-    lg_table_state *s = self->state;
-    bool *keep;
-    LG_TRAINING_ARRAY(self, keep, s->table.data.columns, error);
-    for (uint32_t c = 0; c < s->table.data.columns; c++) LG_TRY(check_column(self, c, &keep[c], error));
-    keep_columns(s, keep);
-    if (s->inputs.count > 0) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: all inputs are constant: there is nothing to learn from",
-                   s->table.path);
-}
-
 /* ---- cells far from all others ---- */
 
 lg_status lg_table_warn_far(const lg_context *context, const lg_table_sheet *sheet, uint32_t first,
@@ -250,7 +238,14 @@ static lg_status read_learned(lg_training *self, lg_error *error) {
     LG_TRY(leave_incomplete(self, sheet, error));
     if (sheet->data.rows < 2)
         return lg_fail(error, LG_FORMAT, "%s: has 1 complete row; at least two are needed", sheet->path);
-    LG_TRY(check_columns(self, error));
+    /* Constant inputs are left out as if they had not been named: they would change the width and priors. */
+    bool *keep;
+    LG_TRAINING_ARRAY(self, keep, sheet->data.columns, error);
+    for (uint32_t c = 0; c < sheet->data.columns; c++) LG_TRY(check_column(self, c, &keep[c], error));
+    keep_columns(s, keep);
+    if (s->inputs.count == 0)
+        return lg_fail(error, LG_FORMAT, "%s: all inputs are constant: there is nothing to learn from",
+                       sheet->path);
     LG_TRY(lg_table_warn_far(self->context, sheet, 0, s->inputs.name, s->inputs.count,
                              "the column is scaled without these cells, but the fit has to follow them",
                              error));
