@@ -253,12 +253,9 @@ static const double least_rows = 0.2; /* scales.lag[0], in rows */
 
 /* The learned lag of this input; NULL: none was learned. */
 static const lg_identified *find_lag(const lg_machine_verdict *what, const char *input) {
-    static const char prefix[] = "lag.";
-    const size_t length = strlen(prefix);
     for (size_t i = 0; i < what->count; i++) {
         const lg_identified *number = &what->identified.numbers[i];
-        if (strncmp(number->name, prefix, length) == 0 && strcmp(number->name + length, input) == 0)
-            return number;
+        if (strncmp(number->name, "lag.", 4) == 0 && strcmp(number->name + 4, input) == 0) return number;
     }
     return NULL;
 }

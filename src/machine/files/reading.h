@@ -48,8 +48,8 @@ typedef lg_status (*lg_text_visit)(lg_machine_reading *r, uint32_t line, const c
 lg_status lg_machine_texts(lg_machine_reading *r, const void *node, const char *what, lg_text_visit visit,
                            void *user);
 
-/* Numbers that are unknown one by one (grey.c): whether the node or an item of a list is the word `unknown` or
- * {start: ..., within: ..., sigma: ...}; reads the values of a term, some of which are unknown. */
+/* Numbers that are unknown one by one (grey.c): whether the node or an item of a list is the word `unknown`
+ * or {start: ..., within: ..., sigma: ...}; reads the values of a term, some of which are unknown. */
 bool lg_machine_has_entries(const lg_machine_reading *r, const yaml_node_t *node);
 lg_status lg_machine_read_entries(lg_machine_reading *r, const lg_field *key, const yaml_node_t *node,
                                   lg_machine_term *term);

@@ -15,9 +15,9 @@ bool lg_machine_is_small(const lg_machine *machine) {
 
 enum { STAGE_EPOCHS = 50, WINDOWS_SHARE = 8 }; /* of a fit of short windows */
 
-/* A short fit, of at most `epochs` evaluations of Levenberg-Marquardt in each of up to 4 rounds and 1/share of
- * the time. Numbers are held near their first values, in proportion to the loss that is left: a number that
- * ran to 0 or infinity would never come back. theta, in and out, has the problem's parameters. */
+/* A short fit, of at most `epochs` evaluations of Levenberg-Marquardt in each of up to 4 rounds and 1/share
+ * of the time. Numbers are held near their first values, in proportion to the loss that is left: a number
+ * that ran to 0 or infinity would never come back. theta, in and out, has the problem's parameters. */
 static lg_status run_fit(lg_training *self, const lg_machine *machine, const lg_fit_problem *problem,
                          uint64_t epochs, int share, double *theta, lg_error *error) {
     enum { EPOCHS = 200, ROUNDS = 4 };

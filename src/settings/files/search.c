@@ -61,14 +61,12 @@ static bool copy_value(const reading *r, const yaml_node_t *node, char *out, siz
 
 /* Copies the name of an option: letters, digits, - and _, beginning with a letter. */
 static bool copy_name(const yaml_node_t *node, char out[LG_RANGE_NAME]) {
-    char name[LG_RANGE_NAME];
-    if (!copy_text(node, name, sizeof name)) return false;
-    for (const char *c = name; *c != '\0'; c++) {
+    if (!copy_text(node, out, LG_RANGE_NAME)) return false;
+    for (const char *c = out; *c != '\0'; c++) {
         const bool letter = (*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z');
         const bool other = (*c >= '0' && *c <= '9') || *c == '-' || *c == '_';
-        if (!letter && (c == name || !other)) return false;
+        if (!letter && (c == out || !other)) return false;
     }
-    memcpy(out, name, sizeof name);
     return true;
 }
 
