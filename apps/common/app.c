@@ -157,20 +157,16 @@ static struct argp_option *argp_table(const app *self, char *texts) {
     return out;
 }
 
-/* argp_error with words of the command line, which are shown. */
-static void complain(const struct argp_state *state, const char *format, ...)
-    __attribute__((format(printf, 2, 3)));
-static void complain(const struct argp_state *state, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    APP_FREE char *text = app_shown_list(format, arguments);
-    va_end(arguments);
-    argp_error(state, "%s", text);
+/* The words are shown, since they hold those of the command line. */
+static void complain(const struct argp_state *state, char *words) {
+    argp_error(state, "%s", words);
+    free(words);
 }
 
 static void store(const struct argp_state *state, app_slot *slot, const char *text) {
     lg_error error = {LG_OK, ""};
-    if (app_store(slot, text, &error) != LG_OK) complain(state, "--%s: %s", slot->name, error.message);
+    if (app_store(slot, text, &error) != LG_OK)
+        complain(state, app_words("--%s: %s", slot->name, error.message));
 }
 
 static error_t parse_option(int key, char *text, struct argp_state *state, app *self) {
@@ -191,7 +187,8 @@ static error_t parse_option(int key, char *text, struct argp_state *state, app *
         char value[LG_FIELD_TEXT_SIZE];
         lg_field_show(slot->row, slot->values, value, sizeof value);
         if (slot->given && strcmp(value, alias->value) != 0)
-            complain(state, "--%s: --%s is already %s: give one of the two", alias->old, alias->now, value);
+            complain(state, app_words("--%s: --%s is already %s: give one of the two", alias->old, alias->now,
+                                      value));
         store(state, slot, alias->value);
         return 0;
     }
@@ -226,8 +223,8 @@ static error_t parse_command(int key, char *text, struct argp_state *state) {
     switch (key) {
     case ARGP_KEY_ARG:
         if (self->argument_count >= most)
-            complain(state, "too many arguments: '%s'; expected: %s", text,
-                     command->arguments != NULL ? command->arguments : "none");
+            complain(state, app_words("too many arguments: '%s'; expected: %s", text,
+                                      command->arguments != NULL ? command->arguments : "none"));
         self->arguments[self->argument_count++] = text;
         return 0;
     case ARGP_KEY_END:
@@ -282,7 +279,7 @@ static error_t parse_top(int key, char *text, struct argp_state *state) {
         return 0;
     }
     APP_FREE char *names = command_names(d->commands);
-    complain(state, "'%s' is not a command; the commands are: %s", text, names);
+    complain(state, app_words("'%s' is not a command; the commands are: %s", text, names));
     return ARGP_ERR_UNKNOWN;
 }
 
@@ -411,19 +408,15 @@ static const char *text_of(const app_slot *slot) {
     return *(const char *const *)((const char *)slot->values + slot->row->offset);
 }
 
-/* Returns whether the option is "-", and that means standard output for it. */
-static bool names_stdout(const app_slot *slot) {
-    const char *text = text_of(slot), *bar = strchr(slot->row->unit, '|');
-    return text != NULL && strcmp(text, "-") == 0 && bar != NULL && strcmp(bar, "|-") == 0;
-}
-
 size_t app_file_options(const app *self, app_path *paths) {
     size_t count = 0;
     for (size_t i = 0; i < self->slot_count; i++) {
         const app_slot *slot = &self->slots[i];
-        if (slot->row->type == LG_FIELD_STRING && slot->row->file != LG_FILE_NOT)
-            paths[count++] = (app_path){slot->name, names_stdout(slot) ? NULL : text_of(slot),
-                                        slot->row->file, slot->row->kind};
+        if (slot->row->type != LG_FIELD_STRING || slot->row->file == LG_FILE_NOT) continue;
+        const char *text = text_of(slot), *bar = strchr(slot->row->unit, '|');
+        /* Where the unit ends in |-, "-" means standard output. */
+        const bool out = text != NULL && strcmp(text, "-") == 0 && bar != NULL && strcmp(bar, "|-") == 0;
+        paths[count++] = (app_path){slot->name, out ? NULL : text, slot->row->file, slot->row->kind};
     }
     return count;
 }

@@ -7,7 +7,6 @@
 #ifndef LG_APPS_APP_H
 #define LG_APPS_APP_H
 
-#include <stdarg.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -177,14 +176,16 @@ void app_screen_raw(const char *text);
 /* True for the number of a character that does nothing to a terminal. The others are control characters,
  * marks of direction, ends of lines and paragraphs, and LG_NO_CHARACTER. */
 bool app_is_harmless(uint32_t code);
-/* printf for text that holds names: newlines and tabs of the arguments are shown as \x0a and \x09, so that no
- * name can forge a line or a cell. Everything that people read is printed by it, app_note, or a table. */
-void app_put(FILE *to, const char *format, ...) __attribute__((format(printf, 2, 3)));
+/* printf into new memory, for text that holds names: newlines and tabs of the arguments are shown as \x0a and
+ * \x09, so that no name can forge a line or a cell. Everything that people read is made by it, or by a table.
+ * The functions ..._words take its result and free it; their macros take its arguments. */
+char *app_words(const char *format, ...) __attribute__((format(printf, 1, 2)));
+void app_put_words(FILE *to, char *words);
+#define app_put(to, ...) app_put_words(to, app_words(__VA_ARGS__))
 /* Prints "PROGRAM COMMAND: " and a sentence on stderr. */
-void app_note(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
-/* A text without any such characters, and the same for the text that app_put prints. Freed with free. */
-char *app_shown(const char *text);
-char *app_shown_list(const char *format, va_list arguments) __attribute__((format(printf, 1, 0)));
+void app_note_words(const app *app, char *words);
+#define app_note(app, ...) app_note_words(app, app_words(__VA_ARGS__))
+char *app_shown(const char *text); /* A text without any such characters, freed with free. */
 
 /* ---- ranks (ranks.c) ---- */
 
@@ -209,9 +210,11 @@ int app_leave_ranks(app *app, int code);
  * released and the ranks are left; objects on the stack are not destroyed. */
 void app_end(int code) __attribute__((noreturn));
 /* Prints a sentence on stderr and returns the exit code of `status`. */
-int app_fail(const app *app, lg_status status, const char *format, ...) __attribute__((format(printf, 3, 4)));
+int app_fail_words(const app *app, lg_status status, char *words);
+#define app_fail(app, status, ...) app_fail_words(app, status, app_words(__VA_ARGS__))
 /* Prints a sentence about the command line and a hint at --help; returns APP_EXIT_USAGE. */
-int app_usage(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
+int app_usage_words(const app *app, char *words);
+#define app_usage(app, ...) app_usage_words(app, app_words(__VA_ARGS__))
 /* The same, as the end of the command. */
 #define app_stop(...)       app_end(app_fail(__VA_ARGS__))
 #define app_stop_usage(...) app_end(app_usage(__VA_ARGS__))
@@ -250,7 +253,8 @@ const char *app_last_failure(void); /* the last sentence that app_fail or app_us
 int app_fail_file(const app *app, lg_status status, const lg_error *error, const char *path);
 /* Prints a warning on stderr and keeps it for the result, which has the first 64. A warning that is
  * already kept is not printed again. May be called from any thread; warnings of the library come here too. */
-void app_warn(const app *app, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void app_warn_words(const app *app, char *sentence);
+#define app_warn(app, ...) app_warn_words(app, app_format(__VA_ARGS__))
 struct lg_scene;
 /* If the scene has no `initial`, draws its start with --seed and warns that it did so. */
 void app_scene_start(const app *app, struct lg_scene *scene, const char *path);
@@ -275,7 +279,6 @@ void *app_try_alloc(uint64_t count, size_t size);
 char *app_quote(const char *word);
 /* printf into new memory, freed with free. */
 char *app_format(const char *format, ...) __attribute__((format(printf, 1, 2)));
-char *app_format_list(const char *format, va_list arguments) __attribute__((format(printf, 1, 0)));
 
 /* ---- numbers ---- */
 
@@ -293,7 +296,7 @@ typedef struct app_json {
     size_t length;
     bool comma;
     bool people;        /* the output is text for people, not JSON */
-    const char *prefix; /* of the lines of app_result_put; "" at the beginning */
+    const char *prefix; /* of the lines for people; "" at the beginning */
     /* The open table for people, between app_result_table and app_result_rows_end: the keys of its first
      * object are the headings, the members of all objects are the cells. */
     bool tabled;
@@ -314,13 +317,10 @@ void app_json_put(app_json *json, lg_result value);
 #define app_json_size(json, key, value)          app_json_put(json, LG_AS_WHOLE(key, value))
 #define app_json_text(json, key, value)          app_json_put(json, LG_AS_TEXT(key, value))
 #define app_json_reals(json, key, values, count) app_json_put(json, LG_AS_REALS(key, values, count))
-/* Entries of which people see a line with the key, the value and `words` (NULL: no words). */
-#define APP_SHOWN(key, type_, words, ...)                                                                    \
-    ((lg_result){.name = (key), .type = LG_FIELD_##type_, .label = (words), .shown = true, __VA_ARGS__})
-#define APP_REAL(key, value, words)          APP_SHOWN(key, REAL, words, .real = (value))
-#define APP_WHOLE(key, value, words)         APP_SHOWN(key, U64, words, .whole = (value))
-#define APP_TEXT(key, value, words)          APP_SHOWN(key, STRING, words, .text = (value))
-#define APP_REALS(key, values, count, words) APP_SHOWN(key, REALS, words, .reals = (values), .whole = (count))
+#define APP_REAL                                 LG_REAL
+#define APP_WHOLE                                LG_WHOLE
+#define APP_TEXT                                 LG_TEXT
+#define APP_REALS                                LG_REALS
 /* Puts entries, each made by these or by LG_AS_REAL and the like; of APP_OBJECT they are the members of an
  * object. */
 #define APP_PUT(json, ...)         app_json_list(json, LG_RESULTS(__VA_ARGS__))
@@ -333,14 +333,14 @@ void app_json_field(app_json *json, const lg_field *row, const void *values);
 /* '{' or '['; key is NULL inside an array */
 void app_json_open(app_json *json, const char *key, char bracket);
 void app_json_close(app_json *json, char bracket); /* '}' or ']' */
-void app_result_put(app_json *json, lg_result value);
-#define app_result_real(json, key, value, label) app_result_put(json, APP_REAL(key, value, label))
-#define app_result_size(json, key, value, label) app_result_put(json, APP_WHOLE(key, value, label))
-#define app_result_text(json, key, value, label) app_result_put(json, APP_TEXT(key, value, label))
+#define app_result_real(json, key, value, label) app_json_put(json, APP_REAL(key, value, label))
+#define app_result_size(json, key, value, label) app_json_put(json, APP_WHOLE(key, value, label))
+#define app_result_text(json, key, value, label) app_json_put(json, APP_TEXT(key, value, label))
 /* As app_result_real; people see the number only if it is finite. */
 void app_result_known(app_json *json, const char *key, double value, const char *label);
 /* A line that is printed for people only. */
-void app_result_line(app_json *json, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void app_result_words(app_json *json, char *line);
+#define app_result_line(json, ...) app_result_words(json, app_words(__VA_ARGS__))
 /* Opens an array of objects, or an object of objects that each have a name. All have the same members. In the
  * table for people each member that is no array is a column, with its key as the heading; the objects' names
  * are the first column, and `names` is its heading. */
@@ -359,8 +359,12 @@ typedef struct app_progress {
 /* `first` is the number of units that were done before, in a resumed run. They do not count in the estimate
  * of the remaining time. */
 void app_progress_begin(app_progress *progress, uint64_t first, uint64_t total);
-void app_progress_show(app_progress *progress, uint64_t done, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
+bool app_progress_due(app_progress *progress, uint64_t done); /* at most ten times a second, and at the end */
+void app_progress_words(const app_progress *progress, uint64_t done, char *words);
+#define app_progress_show(progress, done, ...)                                                               \
+    do {                                                                                                     \
+        if (app_progress_due(progress, done)) app_progress_words(progress, done, app_words(__VA_ARGS__));    \
+    } while (0)
 void app_progress_end(app_progress *progress);
 
 /* ---- threads ---- */
@@ -488,7 +492,8 @@ bool app_plot_name_fits(const char *image);
 /* Adds texts, which tabs in the format separate. The script has the first text as T[1], the second as T[2],
  * and as V(1), V(2) if they are numbers. Arguments may hold any bytes: control characters are shown as by
  * app_put. */
-void app_plot_text(app_plot *plot, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void app_plot_words(app_plot *plot, char *words);
+#define app_plot_text(plot, ...) app_plot_words(plot, app_words(__VA_ARGS__))
 /* Numbers of a plot that lie in memory: the row i has x[i*stride + j], j = 0, ..., count - 1. */
 typedef struct app_plot_column {
     const double *x;

@@ -26,12 +26,6 @@ static const int exit_codes[] = {[LG_OK] = APP_EXIT_OK,
                                  [LG_CANCELLED] = APP_EXIT_INTERRUPTED,
                                  [LG_CHECK_FAILED] = APP_EXIT_CHECK};
 
-/* A status without a row is a failure too. */
-static int exit_code(lg_status status) {
-    const int code = (size_t)status < LG_COUNT(exit_codes) ? exit_codes[status] : APP_EXIT_OK;
-    return code == APP_EXIT_OK && status != LG_OK ? APP_EXIT_CHECK : code;
-}
-
 const char *app_sentence(lg_status status, const lg_error *error) {
     return error != NULL && error->message[0] != '\0' ? error->message : lg_status_sentence(status);
 }
@@ -42,18 +36,13 @@ const char *app_last_failure(void) {
     return last_failure;
 }
 
-static void say_failure(const app *self, const char *format, va_list arguments) {
-    APP_FREE char *sentence = app_shown_list(format, arguments);
-    (void)snprintf(last_failure, sizeof last_failure, "%s", sentence);
-    app_note(self, "%s", sentence);
-}
-
-int app_fail(const app *self, lg_status status, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    say_failure(self, format, arguments);
-    va_end(arguments);
-    return exit_code(status);
+int app_fail_words(const app *self, lg_status status, char *words) {
+    (void)snprintf(last_failure, sizeof last_failure, "%s", words);
+    app_note(self, "%s", words);
+    free(words);
+    /* A status without a row is a failure too. */
+    const int code = (size_t)status < LG_COUNT(exit_codes) ? exit_codes[status] : APP_EXIT_OK;
+    return code == APP_EXIT_OK && status != LG_OK ? APP_EXIT_CHECK : code;
 }
 
 static void stop_if_asked(const app *self, lg_status status) {
@@ -77,11 +66,8 @@ int app_fail_file(const app *self, lg_status status, const lg_error *error, cons
     return code == APP_EXIT_MEMORY || code == APP_EXIT_INTERRUPTED ? code : APP_EXIT_FILE;
 }
 
-int app_usage(const app *self, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    say_failure(self, format, arguments);
-    va_end(arguments);
+int app_usage_words(const app *self, char *words) {
+    (void)app_fail_words(self, LG_INVALID_ARGUMENT, words);
     (void)fprintf(stderr, "Try `%s --help' or `%s --usage' for more information.\n", self->title,
                   self->title);
     return APP_EXIT_USAGE;
@@ -151,28 +137,10 @@ lg_status app_had_memory(lg_status status) {
     return status;
 }
 
-char *app_format_list(const char *format, va_list arguments) {
-    va_list again;
-    va_copy(again, arguments);
-    const int length = vsnprintf(NULL, 0, format, again);
-    va_end(again);
-    char *text = app_alloc((size_t)(length < 0 ? 0 : length) + 1, 1);
-    (void)vsnprintf(text, (size_t)(length < 0 ? 0 : length) + 1, format, arguments);
-    return text;
-}
-
 char *app_quote(const char *word) {
     lg_text out = app_text();
     lg_text_add_word(&out, word);
     return out.data;
-}
-
-char *app_format(const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    char *text = app_format_list(format, arguments);
-    va_end(arguments);
-    return text;
 }
 
 double app_seconds(void) {

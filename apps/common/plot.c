@@ -24,13 +24,10 @@ static void put_text(FILE *stream, const char *text) {
     (void)fputc('\n', stream);
 }
 
-void app_plot_text(app_plot *plot, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    APP_FREE char *text = app_shown_list(format, arguments);
-    va_end(arguments);
-    char *rest = text;
+void app_plot_words(app_plot *plot, char *words) {
+    char *rest = words;
     while (rest != NULL) put_text(plot->texts.stream, strsep(&rest, "\t"));
+    free(words);
 }
 
 void app_plot_columns(app_plot *plot, int digits, size_t rows, const app_plot_column *columns, size_t count) {

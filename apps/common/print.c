@@ -42,7 +42,6 @@ static void put_cell(app_json *json, const char *key, const char *text);
 
 /* Returns the text that people see, or NULL for a list and for a text that is NULL. */
 static const char *shown(const lg_result *value, const char *unknown, char text[LG_SHORTEST]) {
-    if (value->type == LG_FIELD_WHOLES) return NULL;
     if (value->type == LG_FIELD_FLAG) return value->whole != 0 ? "yes" : "no";
     if (value->type == LG_FIELD_REAL && !isfinite(value->real)) return unknown;
     if (value->type == LG_FIELD_REAL)
@@ -50,17 +49,56 @@ static const char *shown(const lg_result *value, const char *unknown, char text[
     else if (value->type == LG_FIELD_U64)
         (void)snprintf(text, LG_SHORTEST, "%llu", (unsigned long long)value->whole);
     else
-        return value->text;
+        return value->type == LG_FIELD_STRING ? value->text : NULL;
     return text;
+}
+
+/* The line that people see of an entry. */
+static void put_line(app_json *json, const lg_result *value) {
+    char text[LG_SHORTEST];
+    const char *word = shown(value, "unknown", text), *label = value->label;
+    const bool list = value->type == LG_FIELD_REALS;
+    if (word == NULL && !list) return;
+    if (list)
+        app_put(json->stream, "%-20s  ", value->name);
+    else
+        app_put(json->stream, "%s%-20s  %14s", json->prefix, value->name, word);
+    for (uint64_t i = 0; list && i < value->whole; i++)
+        (void)fprintf(json->stream, "%s%.10g", i > 0 ? ", " : "", value->reals[i]);
+    app_put(json->stream, "%s%s\n", label != NULL ? "  " : "", label != NULL ? label : "");
+}
+
+/* JSON has a list of the rows; people see a table, if there are not too many classes. */
+static void put_confusion(app_json *json, const lg_result *matrix) {
+    enum { SHOWN = 12 };
+    const uint64_t classes = matrix->whole, *count = matrix->counts;
+    if (json->people && classes > SHOWN) return;
+    app_result_rows(json, matrix->name);
+    for (uint64_t i = 0; i < classes; i++) {
+        put_cell(json, "true class / given", matrix->text + i * matrix->size);
+        app_json_open(json, NULL, '[');
+        for (uint64_t j = 0; j < classes; j++)
+            app_json_size(json, json->people ? matrix->text + j * matrix->size : NULL, *count++);
+        app_json_close(json, ']');
+    }
+    app_result_rows_end(json);
 }
 
 void app_json_put(app_json *json, lg_result value) {
     char text[LG_SHORTEST];
+    const bool reals = value.type == LG_FIELD_REALS;
     const char *word = shown(&value, "-", text);
-    if (value.people && !json->people) return;
-    if (value.type == LG_FIELD_REALS) {
+    if (value.counts != NULL) put_confusion(json, &value);
+    if (value.counts != NULL || (value.people && !json->people)) return;
+    if (json->people && !json->tabled) {
+        if (value.shown) put_line(json, &value);
+        return;
+    }
+    if (reals || value.type == LG_FIELD_TEXT) {
         app_json_open(json, value.name, '[');
-        for (uint64_t i = 0; i < value.whole; i++) app_json_real(json, NULL, value.reals[i]);
+        for (uint64_t i = 0; i < value.whole; i++)
+            app_json_put(json, reals ? LG_AS_REAL(NULL, value.reals[i])
+                                     : LG_AS_TEXT(NULL, value.text + i * value.size));
         app_json_close(json, ']');
         return;
     }
@@ -78,7 +116,7 @@ void app_json_put(app_json *json, lg_result value) {
 }
 
 void app_json_list(app_json *json, const lg_result *members) {
-    for (; members->name != NULL; members++) (members->shown ? app_result_put : app_json_put)(json, *members);
+    for (; members->name != NULL; members++) app_json_put(json, *members);
 }
 
 void app_json_object(app_json *json, const char *key, const lg_result *members) {
@@ -128,11 +166,7 @@ static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static size_t warnings;
 static char *sentences[KEPT];
 
-void app_warn(const app *self, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    char *sentence = app_format_list(format, arguments);
-    va_end(arguments);
+void app_warn_words(const app *self, char *sentence) {
     (void)pthread_mutex_lock(&lock);
     size_t i = 0;
     while (i < warnings && strcmp(sentences[i], sentence) != 0) i++;
@@ -142,13 +176,6 @@ void app_warn(const app *self, const char *format, ...) {
     else
         free(sentence);
     (void)pthread_mutex_unlock(&lock);
-}
-
-/* No other thread may warn meanwhile. */
-static void put_warnings(app_json *json) {
-    app_json_open(json, "warnings", '[');
-    for (size_t i = 0; i < warnings; i++) app_json_text(json, NULL, sentences[i]);
-    app_json_close(json, ']');
 }
 
 /* ---- results for people ---- */
@@ -164,7 +191,10 @@ void app_result_end(const app *self) {
     app_json *json = self->out;
     const bool used = json->people || json->comma;
     if (json->stream == NULL) return;
-    if (!json->people && used) put_warnings(json);
+    if (used) app_json_open(json, "warnings", '[');
+    for (size_t i = 0; used && i < warnings; i++)
+        app_json_text(json, NULL, sentences[i]); /* no thread warns now */
+    if (used) app_json_close(json, ']');
     if (!json->people) (void)fputs("}\n", json->stream);
     if (fclose(json->stream) != 0) app_out_of_memory();
     if (used) (void)fwrite(json->text, 1, json->length, stdout);
@@ -172,52 +202,13 @@ void app_result_end(const app *self) {
     json->stream = NULL;
 }
 
-/* JSON has a list of the rows; people see a table, if there are not too many classes. */
-static void put_confusion(app_json *json, const lg_result *matrix) {
-    enum { SHOWN = 12 };
-    const uint64_t classes = matrix->whole, *count = matrix->counts;
-    if (json->people && classes > SHOWN) return;
-    app_result_rows(json, matrix->name);
-    for (uint64_t i = 0; i < classes; i++) {
-        put_cell(json, "true class / given", matrix->text + i * matrix->size);
-        app_json_open(json, NULL, '[');
-        for (uint64_t j = 0; j < classes; j++)
-            app_json_size(json, json->people ? matrix->text + j * matrix->size : NULL, *count++);
-        app_json_close(json, ']');
-    }
-    app_result_rows_end(json);
-}
-
-void app_result_put(app_json *json, lg_result value) {
-    char text[LG_SHORTEST];
-    const char *line = shown(&value, "unknown", text), *label = value.label;
-    if (value.counts != NULL) {
-        put_confusion(json, &value);
-        return;
-    }
-    app_json_put(json, value);
-    const bool list = value.shown && value.type == LG_FIELD_REALS;
-    if (!json->people || json->tabled || (line == NULL && !list)) return;
-    if (list)
-        app_put(json->stream, "%-20s  ", value.name);
-    else
-        app_put(json->stream, "%s%-20s  %14s", json->prefix, value.name, line);
-    for (uint64_t i = 0; list && i < value.whole; i++)
-        (void)fprintf(json->stream, "%s%.10g", i > 0 ? ", " : "", value.reals[i]);
-    app_put(json->stream, "%s%s\n", label != NULL ? "  " : "", label != NULL ? label : "");
-}
-
 void app_result_known(app_json *json, const char *key, double value, const char *label) {
     if (isfinite(value) || !json->people) app_result_real(json, key, value, label);
 }
 
-void app_result_line(app_json *json, const char *format, ...) {
-    if (!json->people) return;
-    va_list arguments;
-    va_start(arguments, format);
-    APP_FREE char *line = app_shown_list(format, arguments);
-    va_end(arguments);
-    (void)fprintf(json->stream, "%s\n", line);
+void app_result_words(app_json *json, char *line) {
+    if (json->people) (void)fprintf(json->stream, "%s\n", line);
+    free(line);
 }
 
 void app_result_table(app_json *json, const char *key, char bracket, const char *names) {
@@ -281,27 +272,28 @@ void app_progress_begin(app_progress *progress, uint64_t first, uint64_t total) 
     *progress = (app_progress){isatty(STDERR_FILENO) == 1, now, now - 1, first, total};
 }
 
-void app_progress_show(app_progress *progress, uint64_t done, const char *format, ...) {
+bool app_progress_due(app_progress *progress, uint64_t done) {
     const double now = app_seconds();
-    if (!progress->active || progress->total == 0 || (now - progress->shown < 0.1 && done < progress->total))
-        return;
-    progress->shown = now;
+    const bool due =
+        progress->active && progress->total > 0 && (now - progress->shown >= 0.1 || done >= progress->total);
+    if (due) progress->shown = now;
+    return due;
+}
+
+void app_progress_words(const app_progress *progress, uint64_t done, char *words) {
     char bar[25];
     const double share = (double)done / (double)progress->total;
     const int filled = (int)(24.0 * (share < 1 ? share : 1));
     for (int i = 0; i < 24; i++) bar[i] = i < filled ? '#' : '.';
     bar[24] = '\0';
-    va_list arguments;
-    va_start(arguments, format);
-    APP_FREE char *words = app_shown_list(format, arguments);
-    va_end(arguments);
     const double each =
-        done > progress->first ? (now - progress->start) / (double)(done - progress->first) : 0;
+        done > progress->first ? (progress->shown - progress->start) / (double)(done - progress->first) : 0;
     const long left =
         (long)(each * (double)(progress->total - (done < progress->total ? done : progress->total)) + 0.5);
     APP_FREE char *line = app_format("\r[%s] %3.0f%%  %.95s  %ld:%02ld left\033[K", bar, 100 * share, words,
                                      left / 60, left % 60);
     app_screen_raw(line);
+    free(words);
 }
 
 void app_progress_end(app_progress *progress) {

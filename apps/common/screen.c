@@ -2,6 +2,7 @@
  * none can begin a line or a cell of a table. */
 #include "common/app.h"
 
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -108,35 +109,49 @@ char *app_shown(const char *text) {
     return shown(text, '\0', '\0');
 }
 
-/* Only newlines and tabs of the format may remain. So the format gets two other control characters in their
- * place, which do not occur in the arguments. Both become newlines and tabs at the end. */
-char *app_shown_list(const char *format, va_list arguments) {
+static char *format_list(const char *format, va_list arguments) {
     va_list again;
     va_copy(again, arguments);
-    APP_FREE char *text = app_format_list(format, arguments), *marked = app_format("%s", format);
+    const int length = vsnprintf(NULL, 0, format, again);
+    va_end(again);
+    char *text = app_alloc((size_t)(length < 0 ? 0 : length) + 1, 1);
+    (void)vsnprintf(text, (size_t)(length < 0 ? 0 : length) + 1, format, arguments);
+    return text;
+}
+
+char *app_format(const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    char *text = format_list(format, arguments);
+    va_end(arguments);
+    return text;
+}
+
+/* Only newlines and tabs of the format may remain. So the format gets two other control characters in their
+ * place, which do not occur in the arguments. Both become newlines and tabs at the end. */
+char *app_words(const char *format, ...) {
+    va_list arguments, again;
+    va_start(arguments, format);
+    va_copy(again, arguments);
+    APP_FREE char *text = format_list(format, arguments), *marked = app_format("%s", format);
     char marks[2];
     size_t found = 0;
     for (char c = 1; c < ' ' && found < 2; c++)
         if (c != '\n' && c != '\t' && strchr(text, c) == NULL) marks[found++] = c;
     for (char *c = marked; *c != '\0' && found == 2; c++)
         *c = *c == '\n' ? marks[0] : *c == '\t' ? marks[1] : *c;
-    APP_FREE char *with = app_format_list(marked, again);
+    APP_FREE char *with = format_list(marked, again);
     va_end(again);
+    va_end(arguments);
     return found == 2 ? shown(with, marks[0], marks[1]) : app_shown(with);
 }
 
-void app_put(FILE *to, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    APP_FREE char *text = app_shown_list(format, arguments);
-    va_end(arguments);
-    (void)fputs(text, to);
+void app_put_words(FILE *to, char *words) {
+    (void)fputs(words, to);
+    free(words);
 }
 
-void app_note(const app *self, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    APP_FREE char *text = app_shown_list(format, arguments);
-    va_end(arguments);
-    (void)fprintf(stderr, "%s: %s\n", self->title, text);
+void app_note_words(const app *self, char *words) {
+    (void)fprintf(stderr, "%s: %s\n", self->title, words);
+    free(words);
 }

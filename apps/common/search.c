@@ -42,6 +42,7 @@ typedef struct searching {
     const app_command *train;
     train_task *task;
     const lg_search_file *file;
+    uint32_t line; /* of the option that was looked at last */
     char setting[256];
     lg_search_options options;
     trials_work work;
@@ -58,13 +59,13 @@ typedef struct searching {
 
 /* Returns a copy of the app whose command is `train`, to set options on. The values are stored in the
  * settings of `train` itself. */
-static app virtual_begin(const app *self, const app_command *train) {
-    app out = *self;
-    app_choose_command(&out, train);
+static app virtual_begin(const searching *search) {
+    app out = *search->app;
+    app_choose_command(&out, search->train);
     return out;
 }
 
-static bool is_hyperparameter(train_task *task, const app_slot *slot) {
+static bool is_hyperparameter(const train_task *task, const app_slot *slot) {
     return slot != NULL && slot->row->group != NULL &&
            (task->recipe->trainer->held_out == NULL ||
             strcmp(slot->name, task->recipe->trainer->held_out) != 0);
@@ -76,7 +77,8 @@ static bool is_searched(const train_task *task, const char *method) {
     return false;
 }
 
-static lg_status virtual_set(app *v, train_task *task, const char *name, const char *text, lg_error *error) {
+static lg_status virtual_set(app *v, const train_task *task, const char *name, const char *text,
+                             lg_error *error) {
     lg_error reason = {LG_OK, ""};
     app_slot *slot = app_find_slot(v, name);
     if (!is_hyperparameter(task, slot))
@@ -90,115 +92,110 @@ static lg_status virtual_set(app *v, train_task *task, const char *name, const c
     return LG_OK;
 }
 
+static size_t entries(const searching *search) {
+    return search->file->fixed_count + search->file->space.count;
+}
+
+/* The name of option i of the file, of which the fixed ones come first. Its line goes to search->line. */
+static const char *entry(searching *search, size_t i) {
+    const lg_search_file *file = search->file;
+    const bool fixed = i < file->fixed_count;
+    const size_t range = i - file->fixed_count;
+    search->line = fixed ? file->fixed_line[i] : file->line[range];
+    return fixed ? file->fixed_name[i] : file->space.ranges[range].name;
+}
+
 enum { NUMBER = 32 };
 
-/* The text of a value of the range; for a choice, `value` is its index. */
-static const char *value_text(const lg_range *range, double value, char number[NUMBER]) {
+/* The text of option i; `value` is that of a range, the index of a choice. */
+static const char *value_text(const searching *search, size_t i, double value, char number[NUMBER]) {
+    const lg_range *range = &search->file->space.ranges[i - search->file->fixed_count];
+    if (i < search->file->fixed_count) return search->file->fixed_value[i];
     if (range->kind == LG_RANGE_CHOICE) return range->choice[(size_t)value];
     (void)snprintf(number, NUMBER, "%.17g", value);
     return number;
 }
 
-static lg_status virtual_draw(app *v, train_task *task, const lg_range *range, double value,
-                              lg_error *error) {
+static lg_status set_entry(searching *search, app *v, size_t i, double value, lg_error *error) {
     char number[NUMBER];
-    return virtual_set(v, task, range->name, value_text(range, value, number), error);
+    return virtual_set(v, search->task, entry(search, i), value_text(search, i, value, number), error);
 }
 
-/* Checks that train accepts the bounds, a number between them, and every choice. */
-static lg_status check_range(app *v, train_task *task, const lg_range *range, lg_error *error) {
+/* Checks that train accepts the bounds of a range, a number between them, and every choice. */
+static lg_status check_range(searching *search, app *v, size_t i, lg_error *error) {
+    const lg_range *range = &search->file->space.ranges[i - search->file->fixed_count];
     const bool choice = range->kind == LG_RANGE_CHOICE;
     const double between = range->low + 0.381966 * (range->high - range->low);
     const double probes[] = {range->low, range->high, range->kind == LG_RANGE_INTEGER ? range->low : between};
     const size_t count = choice ? range->choices : LG_COUNT(probes);
-    lg_status status = LG_OK;
-    for (size_t i = 0; i < count && status == LG_OK; i++)
-        status = virtual_draw(v, task, range, choice ? (double)i : probes[i], error);
-    return status;
-}
-
-/* Sets the fixed options and the drawn values; `drawn` NULL: only checks the ranges. *line is where a bad one
- * stands. */
-static lg_status set_all(app *v, train_task *task, const lg_search_file *file, const double *drawn,
-                         uint32_t *line, lg_error *error) {
-    for (size_t i = 0; i < file->fixed_count; i++) {
-        *line = file->fixed_line[i];
-        LG_TRY(virtual_set(v, task, file->fixed_name[i], file->fixed_value[i], error));
-    }
-    for (size_t i = 0; i < file->space.count; i++) {
-        const lg_range *range = &file->space.ranges[i];
-        *line = file->line[i];
-        LG_TRY(drawn != NULL ? virtual_draw(v, task, range, drawn[i], error)
-                             : check_range(v, task, range, error));
-    }
+    for (size_t k = 0; k < count; k++) LG_TRY(set_entry(search, v, i, choice ? (double)k : probes[k], error));
     return LG_OK;
 }
 
-/* The name of option i of the file, of which the fixed ones come first, and its line. */
-static const char *entry(const lg_search_file *file, size_t i, uint32_t *line) {
-    const bool fixed = i < file->fixed_count;
-    const size_t range = i - file->fixed_count;
-    *line = fixed ? file->fixed_line[i] : file->line[range];
-    return fixed ? file->fixed_name[i] : file->space.ranges[range].name;
+/* Sets the fixed options and the drawn values; `drawn` NULL: only checks the ranges. */
+static lg_status set_all(searching *search, app *v, const double *drawn, lg_error *error) {
+    const size_t fixed = search->file->fixed_count;
+    for (size_t i = 0; i < entries(search); i++)
+        LG_TRY(i >= fixed && drawn == NULL
+                   ? check_range(search, v, i, error)
+                   : set_entry(search, v, i, i < fixed ? 0 : drawn[i - fixed], error));
+    return LG_OK;
 }
 
-/* Sets the options of a candidate and checks them as train does. An option that its method lacks is left out.
- * *line is that of a rejected option. */
-static lg_status set_candidate(app *v, train_task *task, const lg_search_file *file, const double *drawn,
-                               uint32_t *line, lg_error *error) {
-    const size_t count = file->fixed_count + file->space.count;
-    LG_TRY(set_all(v, task, file, drawn, line, error));
-    for (size_t i = 0; i < count; i++) {
-        app_slot *slot = app_find_slot(v, entry(file, i, line));
+/* Sets the options of a candidate and checks them as train does. An option that its method lacks is left
+ * out. */
+static lg_status set_candidate(searching *search, app *v, const double *drawn, lg_error *error) {
+    train_task *task = search->task;
+    LG_TRY(set_all(search, v, drawn, error));
+    for (size_t i = 0; i < entries(search); i++) {
+        app_slot *slot = app_find_slot(v, entry(search, i));
         slot->given = train_refuses(task, slot) == NULL;
     }
     const lg_status status = task->check != NULL ? task->check(v, error) : LG_OK;
-    for (size_t i = 0; status != LG_OK && i < count; i++) {
-        const char *name = app_find_slot(v, entry(file, i, line))->name;
+    for (size_t i = 0; status != LG_OK && i < entries(search); i++) {
+        const char *name = app_find_slot(v, entry(search, i))->name;
         if (strncmp(error->message + 2, name, strcspn(error->message + 2, ": ")) == 0) break;
     }
     return status == LG_OK ? LG_OK : LG_FORMAT;
 }
 
 /* Marks the options that training reads for a candidate. */
-static void mark_read(app *v, train_task *task, const lg_search_file *file, bool *read) {
+static void mark_read(searching *search, app *v, bool *read) {
     lg_error ignored;
-    uint32_t line;
-    const bool known = train_describe(v, task, NULL, &ignored) == LG_OK;
-    for (size_t i = 0; i < file->fixed_count + file->space.count; i++)
-        if (!known || train_ignores(task, app_find_slot(v, entry(file, i, &line))) == NULL) read[i] = true;
-    lg_training_release(&task->training);
+    const bool known = train_describe(v, search->task, NULL, &ignored) == LG_OK;
+    for (size_t i = 0; i < entries(search); i++)
+        if (!known || train_ignores(search->task, app_find_slot(v, entry(search, i))) == NULL) read[i] = true;
+    lg_training_release(&search->task->training);
 }
 
 /* Checks the candidates of a search: the combinations of all choices, at most MOST_CHECKED of them. An option
  * that none of them reads is rejected. */
-static lg_status check_candidates(const app *self, const app_command *train, train_task *task,
-                                  const lg_search_file *file, uint32_t *line, lg_error *error) {
-    const lg_range *range = file->space.ranges;
-    const size_t count = file->fixed_count + file->space.count;
+static lg_status check_candidates(searching *search, lg_error *error) {
+    const lg_search_space *space = &search->file->space;
+    const lg_range *range = space->ranges;
     double drawn[LG_RANGE_MAX];
     bool read[2 * LG_RANGE_MAX] = {false};
     app v;
-    for (size_t i = 0; i < file->space.count; i++) drawn[i] = range[i].low;
-    for (size_t done = 0, i = 0; i < file->space.count; done++) {
+    for (size_t i = 0; i < space->count; i++) drawn[i] = range[i].low;
+    for (size_t done = 0, i = 0; i < space->count; done++) {
         if (done == MOST_CHECKED) return LG_OK;
-        v = virtual_begin(self, train);
-        LG_TRY(set_candidate(&v, task, file, drawn, line, error));
-        if (memchr(read, false, count) != NULL) mark_read(&v, task, file, read);
-        for (i = 0; i < file->space.count; drawn[i] = range[i].low, i++)
+        v = virtual_begin(search);
+        LG_TRY(set_candidate(search, &v, drawn, error));
+        if (memchr(read, false, entries(search)) != NULL) mark_read(search, &v, read);
+        for (i = 0; i < space->count; drawn[i] = range[i].low, i++)
             if (range[i].kind == LG_RANGE_CHOICE && ++drawn[i] < (double)range[i].choices) break;
     }
-    const bool *unread = memchr(read, false, count);
+    const bool *unread = memchr(read, false, entries(search));
     if (unread == NULL) return LG_OK;
-    const char *name = entry(file, (size_t)(unread - read), line);
-    return lg_fail(error, LG_FORMAT, "%s: %s", name, train_ignores(task, app_find_slot(&v, name)));
+    const char *name = entry(search, (size_t)(unread - read));
+    return lg_fail(error, LG_FORMAT, "%s: %s", name, train_ignores(search->task, app_find_slot(&v, name)));
 }
 
 /* Two spellings of an option are the same option. */
-static lg_status check_spellings(const app *v, const lg_search_file *file, uint32_t *line, lg_error *error) {
-    for (size_t i = 0; i < file->fixed_count + file->space.count; i++)
+static lg_status check_spellings(searching *search, const app *v, lg_error *error) {
+    for (size_t i = 0; i < entries(search); i++)
         for (size_t k = 0; k < i; k++) {
-            const char *other = entry(file, k, line), *name = entry(file, i, line);
+            const char *other = entry(search, k), *name = entry(search, i);
             if (app_find_slot(v, name) == app_find_slot(v, other))
                 return lg_fail(error, LG_FORMAT, "'%s' is the same option as '%s': leave one out", name,
                                other);
@@ -207,16 +204,16 @@ static lg_status check_spellings(const app *v, const lg_search_file *file, uint3
 }
 
 /* Reads the data after the names and values are checked, because a default may depend on the data. */
-static void check_and_read(const app *self, const app_command *train, train_task *task,
-                           const lg_search_file *file) {
+static void check_and_read(searching *search) {
     lg_error error = {LG_OK, ""};
-    app v = virtual_begin(self, train);
-    uint32_t line = 0;
-    lg_status status = set_all(&v, task, file, NULL, &line, &error);
-    if (status == LG_OK) status = check_spellings(&v, file, &line, &error);
-    if (status == LG_OK) train_read(self, task);
-    if (status == LG_OK) status = check_candidates(self, train, task, file, &line, &error);
-    if (status != LG_OK) app_stop(self, status, "%s: line %u: %s", self->arguments[0], line, error.message);
+    app v = virtual_begin(search);
+    lg_status status = set_all(search, &v, NULL, &error);
+    if (status == LG_OK) status = check_spellings(search, &v, &error);
+    if (status == LG_OK) train_read(search->app, search->task);
+    if (status == LG_OK) status = check_candidates(search, &error);
+    if (status != LG_OK)
+        app_stop(search->app, status, "%s: line %u: %s", search->app->arguments[0], search->line,
+                 error.message);
 }
 
 /* ---- one trial ---- */
@@ -276,10 +273,9 @@ static lg_status run_fit(search_trial *self, lg_error *error) {
 static lg_status run_trial(void *user, lg_search *session, lg_trial *trial, lg_error *error) {
     searching *search = user;
     train_task *task = search->task;
-    app v = virtual_begin(search->app, search->train);
+    app v = virtual_begin(search);
     search_trial self = {.search = search, .session = session, .trial = trial, .train = &v};
-    uint32_t line;
-    lg_status status = set_candidate(&v, task, search->file, trial->value, &line, error);
+    lg_status status = set_candidate(search, &v, trial->value, error);
     train_training(task)->seed = v.seed;
     if (status == LG_OK) status = train_describe(&v, task, NULL, error);
     if (status == LG_OK) status = lg_training_hold_out(&task->training, search_given.validation, error);
@@ -467,38 +463,35 @@ static void print_given(const app *self, FILE *out) {
 }
 
 /* Prints the command line that trains with the best trial's settings. */
-static void print_best(const searching *search, size_t best) {
-    const lg_search_file *file = search->file;
-    const double *value = search->trials[best].value;
-    FILE *out = search->app->out->stream;
-    app v = virtual_begin(search->app, search->train);
+static void print_best(searching *search, size_t best) {
+    const lg_trial *trial = &search->trials[best];
+    const app *self = search->app;
+    const size_t fixed = search->file->fixed_count;
+    FILE *out = self->out->stream;
+    app v = virtual_begin(search);
     lg_error ignored;
     char number[NUMBER];
-    uint32_t line;
-    (void)set_candidate(&v, search->task, file, value, &line, &ignored);
+    (void)set_candidate(search, &v, trial->value, &ignored);
     (void)train_describe(&v, search->task, NULL, &ignored);
     lg_training_release(&search->task->training);
-    app_put(out, "best: trial %llu, objective %.4e; %s train",
-            (unsigned long long)search->trials[best].number, search->trials[best].objective,
-            search->app->program);
-    for (int i = 1; i < search->app->argument_count; i++) {
-        APP_FREE char *data = app_quote(search->app->arguments[i]);
+    app_put(out, "best: trial %llu, objective %.4e; %s train", (unsigned long long)trial->number,
+            trial->objective, self->program);
+    for (int i = 1; i < self->argument_count; i++) {
+        APP_FREE char *data = app_quote(self->arguments[i]);
         app_put(out, " %s", data);
     }
-    print_given(search->app, out);
-    for (size_t i = 0; i < file->fixed_count + file->space.count; i++) {
-        const char *name = entry(file, i, &line);
+    print_given(self, out);
+    for (size_t i = 0; i < entries(search); i++) {
+        const char *name = entry(search, i);
         const app_slot *slot = app_find_slot(&v, name);
-        const size_t k = i - file->fixed_count;
-        if (!slot->given || train_ignores(search->task, slot) != NULL) continue;
-        app_put(out, " --%s %s", name,
-                i < file->fixed_count ? file->fixed_value[i]
-                                      : value_text(&file->space.ranges[k], value[k], number));
+        const double value = i < fixed ? 0 : trial->value[i - fixed];
+        if (slot->given && train_ignores(search->task, slot) == NULL)
+            app_put(out, " --%s %s", name, value_text(search, i, value, number));
     }
-    app_put(out, " --seed %llu --out FILE\n", (unsigned long long)search->app->seed);
+    app_put(out, " --seed %llu --out FILE\n", (unsigned long long)self->seed);
 }
 
-static void report(const searching *search, double seconds) {
+static void report(searching *search, double seconds) {
     const size_t best = lg_search_best(search->trials, search->count);
     size_t states[LG_TRIAL_STATE_COUNT] = {0};
     for (size_t i = 0; i < search->count; i++) states[search->trials[i].state]++;
@@ -631,7 +624,7 @@ void search_main(app *self, const app_command *train, train_task *task) {
     app_check_outputs(self, &out, 1);
     train_begin(self, task, 1);
     APP_FILE(self, ranges, lg_search_file_read, file);
-    check_and_read(self, train, task, file);
+    check_and_read(&search);
     plan(&search);
     search.results = app_alloc(search_given.trials, sizeof *search.results);
     search.trials = app_alloc(search_given.trials, sizeof *search.trials);

@@ -13,13 +13,6 @@
 static const double learned = 0.99, enormous = 1000.0;
 enum { LOOK = 10, FULL_LOOK = 100 };
 
-/* The epoch whose parameters are the model: the epoch with the lowest validation loss, or the last epoch if
- * there is no validation part. */
-static uint64_t model_epoch(const lg_training *self) {
-    return isfinite(lg_training_validation(self)) ? lg_fit_best_epoch(self->fit)
-                                                  : lg_fit_epochs_done(self->fit);
-}
-
 /* Warns if the model is no better than a simple guess, and if the loss has not fallen since the first epoch.
  * Returns APP_EXIT_NUMERIC if both hold, if one of them holds after LOOK epochs (FULL_LOOK for a full-batch
  * method), or if the error is enormous. The model is written all the same. A training that --stop-after ended
@@ -29,7 +22,11 @@ static int judge(const app *self, const lg_training *training) {
     const char *what = verdict->what, *guess = verdict->guess;
     const double error = verdict->error, guessed = verdict->guessed;
     if (what == NULL) return APP_EXIT_OK;
-    const uint64_t done = lg_fit_epochs_done(training->fit), epoch = model_epoch(training);
+    /* The model has the parameters of the epoch with the lowest validation loss, or without a validation part
+     * those of the last epoch. */
+    const uint64_t done = lg_fit_epochs_done(training->fit),
+                   epoch =
+                       isfinite(lg_training_validation(training)) ? lg_fit_best_epoch(training->fit) : done;
     const double *loss = lg_fit_history(training->fit, LG_FIT_LOSS);
     const bool adam = lg_fit_plan_ends_in_batches(&lg_training_settings(training)->plan),
                looked = done >= (adam ? LOOK : FULL_LOOK);
@@ -47,14 +44,6 @@ static int judge(const app *self, const lg_training *training) {
 }
 
 /* ---- results ---- */
-
-/* Writes the hyperparameters. Leaves out `epochs`, since json_training writes how many are done, and a row if
- * another row of the table is found under its name. */
-static void json_run(app_json *json, const app_settings *settings) {
-    for (const lg_field *row = settings->rows; row->name != NULL; row++)
-        if (strcmp(row->name, "epochs") != 0 && lg_field_find(settings->rows, row->name) == row)
-            app_json_field(json, row, settings->values);
-}
 
 void train_put_results(app_json *out, const lg_training *training, size_t first, size_t end) {
     const lg_result *outer = NULL; /* the object whose members people see under its name and theirs */
@@ -74,32 +63,25 @@ void train_put_results(app_json *out, const lg_training *training, size_t first,
             else
                 app_json_close(out, at->bracket);
         } else if (!out->people || table || (depth == 0 && (at->type != LG_FIELD_REAL || !isnan(at->real)))) {
-            app_result_put(out, *at);
+            app_json_put(out, *at);
         } else if (depth == 1 && at->name != NULL) {
             lg_result member = *at;
             APP_FREE char *name = app_format("%s, %s", outer->name, at->name);
             member.name = name;
-            app_result_put(out, member);
+            app_json_put(out, member);
         }
     }
 }
 
-/* Writes the number of ranks, and how much time this process spent on its shards and on exchanges. */
-static void json_ranks(const app *self, const lg_fit *fit, app_json *json) {
-    const lg_fit_cost cost = lg_fit_cost_of(fit);
-    APP_PUT(json, LG_AS_WHOLE("ranks", self->rank_count), LG_AS_REAL("training_seconds", cost.seconds),
-            LG_AS_REAL("shard_seconds", cost.shard_seconds),
-            LG_AS_REAL("exchange_seconds", cost.exchange_seconds), LG_AS_WHOLE("exchanges", cost.exchanges),
-            LG_AS_WHOLE("exchanged_bytes", cost.bytes));
-}
-
-/* Writes how the training went, the run's hyperparameters under their names, and the warnings so far.
- * `evaluations` counts gradients over all data; `stopped` says why the training ended, null if it has not. */
+/* Writes how the training went, and the run's hyperparameters under their names. `evaluations` counts
+ * gradients over all data; `stopped` says why the training ended, null if it has not; seconds and bytes of
+ * shards and exchanges are those of this process. */
 static void json_training(const train_session *session, app_json *json) {
     const app *self = session->app;
     const lg_training *training = &session->task->training;
     char cpu[256];
     const lg_fit *fit = training->fit;
+    const lg_fit_cost cost = lg_fit_cost_of(fit);
     const uint64_t done = lg_fit_epochs_done(fit);
     (void)lg_cpu_describe(cpu, sizeof cpu);
     APP_PUT(json, APP_WHOLE("epochs", done, NULL), LG_AS_WHOLE("evaluations", done),
@@ -110,12 +92,19 @@ static void json_training(const train_session *session, app_json *json) {
             LG_AS_WHOLE("best_epoch", lg_fit_best_epoch(fit)), LG_AS_FLAG("finished", lg_fit_finished(fit)),
             LG_AS_TEXT("stopped", lg_fit_finished(fit) ? lg_fit_end_sentence(fit) : NULL),
             LG_AS_REAL("seconds_per_epoch", lg_fit_seconds_per_epoch(fit)),
-            APP_REAL("seconds", training->seconds, NULL), LG_AS_WHOLE("threads", self->threads));
-    json_ranks(self, fit, json);
-    APP_PUT(json, LG_AS_WHOLE("steps", lg_fit_steps_done(fit)),
+            APP_REAL("seconds", training->seconds, NULL), LG_AS_WHOLE("threads", self->threads),
+            LG_AS_WHOLE("ranks", self->rank_count), LG_AS_REAL("training_seconds", cost.seconds),
+            LG_AS_REAL("shard_seconds", cost.shard_seconds),
+            LG_AS_REAL("exchange_seconds", cost.exchange_seconds), LG_AS_WHOLE("exchanges", cost.exchanges),
+            LG_AS_WHOLE("exchanged_bytes", cost.bytes), LG_AS_WHOLE("steps", lg_fit_steps_done(fit)),
             LG_AS_WHOLE("tape_bytes", lg_fit_tape_size(fit)), LG_AS_TEXT("cpu", cpu),
             APP_TEXT("out", train_given_files.out, NULL));
-    json_run(json, &session->task->settings[0]);
+    /* The hyperparameters without `epochs`, which says above how many are done, and without a row if another
+     * row of the table is found under its name. */
+    const app_settings *settings = session->task->settings;
+    for (const lg_field *row = settings->rows; row->name != NULL; row++)
+        if (strcmp(row->name, "epochs") != 0 && lg_field_find(settings->rows, row->name) == row)
+            app_json_field(json, row, settings->values);
     train_size_json(&session->race, json);
 }
 

@@ -97,14 +97,6 @@ bool trials_continues(const trials_work *self) {
     return found || self->own_part != NULL || self->values->merge;
 }
 
-void trials_label(const app *self, const char *text, const char *path, char label[LG_SHA256_TEXT]) {
-    lg_sha256 sha;
-    lg_sha256_init(&sha);
-    lg_sha256_add(&sha, text, strlen(text) + 1);
-    if (path != NULL) APP_MUST_FILE(self, path, app_hash_file(path, &sha, &error));
-    lg_sha256_finish(&sha, label);
-}
-
 /* ---- reading parts ---- */
 
 static lg_status put(const part *p, const void *data, size_t bytes, off_t at, lg_error *error) {
@@ -213,6 +205,16 @@ lg_status trials_open(trials_work *self, const char *label, lg_error *error) {
     for (size_t k = 0; k < self->array_count; k++) self->record += self->arrays[k].each;
     self->turns = &self->turn;
     return read_parts(self, error);
+}
+
+void trials_begin(trials_work *self, const char *text, const char *path) {
+    char label[LG_SHA256_TEXT];
+    lg_sha256 sha;
+    lg_sha256_init(&sha);
+    lg_sha256_add(&sha, text, strlen(text) + 1);
+    if (path != NULL) APP_MUST_FILE(self->app, path, app_hash_file(path, &sha, &error));
+    lg_sha256_finish(&sha, label);
+    APP_MUST_FILE(self->app, self->out, trials_open(self, label, &error));
 }
 
 void trials_exchange(trials_work *self, size_t item, const void *record) {
@@ -361,14 +363,6 @@ static void report_task(const trials_work *self) {
             LG_AS_WHOLE("count", self->count));
 }
 
-/* All ranks have ended their work, or one of them has failed. */
-static void meet(trials_work *self, const lg_ranks *ranks) {
-    self->app->ranks = ranks;
-    if (self->status == LG_OK && app_interrupted()) self->status = LG_CANCELLED;
-    self->status = lg_ranks_agree(ranks, self->status, &self->error);
-    app_end_exchanges(self->app);
-}
-
 static void stop_if_unfinished(const trials_work *self) {
     const size_t left = self->count - trials_known(self);
     if (left > 0)
@@ -384,7 +378,12 @@ bool trials_run(trials_work *self) {
         run_jobs(self);
     else if (!self->values->merge)
         app_parallel(self->threads, (size_t)self->threads, work, self);
-    if (ranks != NULL) meet(self, ranks);
+    host->ranks = ranks;
+    if (ranks != NULL) { /* all ranks have ended their work, or one of them has failed */
+        if (self->status == LG_OK && app_interrupted()) self->status = LG_CANCELLED;
+        self->status = lg_ranks_agree(ranks, self->status, &self->error);
+        app_end_exchanges(host);
+    }
     const char *again = parts ? "the same command continues" : self->resume;
     if (app_interrupted() || self->status == LG_CANCELLED)
         app_stop(host, LG_CANCELLED, "stopped after %zu of %zu %s (%s)%s%s", trials_known(self), self->count,

@@ -201,11 +201,9 @@ static void add_evaluation(app_json *out, const evaluation *e) {
             LG_AS_WHOLE("unlike", e->unlike));
     add_votes(out, e);
     add_groups(out, e);
-    app_result_text(out, "method", e->model->method, NULL);
-    app_json_open(out, "classes", '[');
-    for (uint32_t c = 0; c < e->names->classes; c++) app_json_text(out, NULL, e->names->class_name[c]);
-    app_json_close(out, ']');
-    APP_PUT(out, APP_TEXT("healthy", e->run->healthy[0] != '\0' ? e->run->healthy : NULL, NULL),
+    APP_PUT(out, APP_TEXT("method", e->model->method, NULL),
+            LG_AS_TEXTS("classes", e->names->class_name, e->names->classes),
+            APP_TEXT("healthy", e->run->healthy[0] != '\0' ? e->run->healthy : NULL, NULL),
             LG_AS_WHOLE("threads", e->app->threads));
 }
 
@@ -219,21 +217,6 @@ static void add_row(app_json *out, const evaluation *e) {
             LG_AS_REAL("false alarms/day", lg_judgement_alarms(&e->judged, e->run->hop, e->names->rate)));
     if (values.votes.count == 0) return;
     APP_PUT(out, LG_AS_WHOLE("damaged", e->votes.damaged), LG_AS_WHOLE("detected", e->votes.detected));
-}
-
-static void report(const app *self, const evaluation *list, size_t count) {
-    app_json *out = self->out;
-    if (count == 1) {
-        add_evaluation(out, list);
-        return;
-    }
-    app_result_rows(out, "files");
-    for (size_t i = 0; i < count; i++) {
-        app_json_open(out, NULL, '{');
-        (out->people ? add_row : add_evaluation)(out, &list[i]);
-        app_json_close(out, '}');
-    }
-    app_result_rows_end(out);
 }
 
 static void write_scores(const evaluation *e) {
@@ -295,17 +278,6 @@ static void tell_unlike(evaluation *e) {
 
 /* ---- the command ---- */
 
-static void check_votes(const evaluation *e) {
-    well_model_need_healthy(e->app, e->model, "--votes");
-    if (e->from.data.series.run == NULL)
-        app_stop_usage(e->app, "--votes: %s has no recordings (/run)", e->path);
-    if (e->part.count < e->from.windows.count && e->run->split == LG_SPLIT_RANDOM)
-        app_warn(e->app,
-                 "--votes: the %s part of a random split holds single windows of the recordings, not the "
-                 "recordings: times to detection are too long",
-                 e->part_name);
-}
-
 static void evaluate(evaluation *e) {
     const app *self = e->app;
     const lg_series *series = &e->from.data.series;
@@ -316,36 +288,33 @@ static void evaluate(evaluation *e) {
                                     &e->from.windows, &error));
     choose_part(e);
     well_model_settle(self, e->model, values.healthy, e->from.data.healthy);
-    if (values.votes.count > 0) check_votes(e);
+    const bool votes = values.votes.count > 0;
+    if (votes) well_model_need_healthy(self, e->model, "--votes");
+    if (votes && series->run == NULL) app_stop_usage(self, "--votes: %s has no recordings (/run)", e->path);
+    if (votes && e->part.count < e->from.windows.count && e->run->split == LG_SPLIT_RANDOM)
+        app_warn(self,
+                 "--votes: the %s part of a random split holds single windows of the recordings, not the "
+                 "recordings: times to detection are too long",
+                 e->part_name);
     const lg_scorer by = well_model_scorer(e->model);
     lg_status status = lg_judge(self->context, &by, &e->from, &e->part, self->threads, &e->judged, &why);
     if (status == LG_OK) status = lg_judgement_check(&e->judged, &why);
     if (status != LG_OK && status != LG_CANCELLED) app_stop(self, status, "%s: %s", e->path, why.message);
     app_must(self, status, &why);
-    if (values.votes.count > 0) vote(e);
+    if (votes) vote(e);
     if (e->model->sort != WELL_NOVELTY && e->model->file.novelty.channels > 0) tell_unlike(e);
-}
-
-static void check_options(const app *self) {
-    const lg_wholes *votes = &values.votes;
-    if (votes->count != 0 && (votes->count != 2 || votes->values[0] > votes->values[1]))
-        app_stop_usage(self, "--votes: expected two numbers K,N with K at most N, such as 3,5");
-    if ((app_plot_given.plot != NULL || values.scores != NULL) && self->argument_count > 2)
-        app_stop_usage(self, "--plot and --scores take one data file only");
-}
-
-static void evaluation_destroy(evaluation *e) {
-    lg_judgement_destroy(&e->judged);
-    lg_free(e->app->context, e->part.list);
-    lg_windows_destroy(&e->from.windows);
-    lg_series_data_destroy(&e->from.data);
 }
 
 static void run(app *self) {
     APP_CLEAN(well_model_destroy) well_model model = {.plan = NULL};
     const size_t count = (size_t)self->argument_count - 1;
+    const lg_wholes *votes = &values.votes;
+    app_json *out = self->out;
     evaluation *list = app_keep(count, sizeof *list);
-    check_options(self);
+    if (votes->count != 0 && (votes->count != 2 || votes->values[0] > votes->values[1]))
+        app_stop_usage(self, "--votes: expected two numbers K,N with K at most N, such as 3,5");
+    if ((app_plot_given.plot != NULL || values.scores != NULL) && count > 1)
+        app_stop_usage(self, "--plot and --scores take one data file only");
     well_model_load(self, self->arguments[0], &model);
     app_plot_check(self, plots_of(&model, false));
     for (size_t i = 0; i < count; i++) {
@@ -359,8 +328,17 @@ static void run(app *self) {
     if (values.scores != NULL) write_scores(&list[0]);
     app_plot_draw(self, plots_of(&model, false),
                   &(viewing){&model, &list[0].from, &list[0].judged, .training = NULL});
-    report(self, list, count);
-    for (size_t i = 0; i < count; i++) evaluation_destroy(&list[i]);
+    if (count > 1) app_result_rows(out, "files");
+    for (evaluation *e = list; e < list + count; e++) {
+        if (count > 1) app_json_open(out, NULL, '{');
+        (count > 1 && out->people ? add_row : add_evaluation)(out, e);
+        if (count > 1) app_json_close(out, '}');
+        lg_judgement_destroy(&e->judged);
+        lg_free(self->context, e->part.list);
+        lg_windows_destroy(&e->from.windows);
+        lg_series_data_destroy(&e->from.data);
+    }
+    if (count > 1) app_result_rows_end(out);
 }
 
 const app_command anomaly_evaluate_command = {

@@ -185,17 +185,6 @@ static lg_status sink_close(sink *to, lg_status status, lg_error *error) {
 
 /* ---- the command ---- */
 
-static void report(const feeding *feed, double seconds) {
-    app_json *out = feed->app->out;
-    APP_PUT(out, APP_REAL("hours", values.hours, NULL), APP_WHOLE("samples", feed->samples, NULL),
-            APP_WHOLE("lines", feed->lines, "samples that are there"), APP_WHOLE("gaps", feed->gaps, NULL),
-            APP_WHOLE("nan", feed->nans, "samples with a value nan"), LG_AS_WHOLE("bytes", feed->bytes),
-            LG_AS_REAL("rate", (double)feed->rate), LG_AS_REAL("crack_at", values.crack_at),
-            LG_AS_REAL("severity", values.well.severity), LG_AS_REAL("noise", values.well.noise),
-            LG_AS_WHOLE("seed", feed->app->seed), APP_TEXT("out", values.out, NULL),
-            APP_REAL("seconds", seconds, NULL));
-}
-
 static lg_status write_hour(feeding *feed, uint64_t index, hour *h, const sink *to, lg_error *error) {
     if (app_interrupted()) return LG_CANCELLED;
     if (h->status != LG_OK)
@@ -228,31 +217,33 @@ static lg_status write_hours(feeding *feed, const sink *to, lg_error *error) {
     return status;
 }
 
-static void feeding_create(const app *self, feeding *out) {
+static void run(app *self) {
     lg_riser_run defaults;
     lg_riser_run_init(&defaults);
-    *out = (feeding){.app = self, .crew = (size_t)self->threads, .rate = (uint64_t)defaults.rate};
-    out->samples = (uint64_t)floor(values.hours * HOUR * defaults.rate + 0.5);
-    if (out->samples == 0) app_stop_usage(self, "--hours %g: is shorter than a sample", values.hours);
-    out->hours = app_keep(out->crew, sizeof *out->hours);
-    for (size_t i = 0; i < out->crew; i++) {
-        out->hours[i].samples = app_keep(HOUR * out->rate * LG_RISER_CHANNELS, sizeof(float));
-        out->hours[i].rows.text = app_text();
-    }
-}
-
-static void run(app *self) {
-    feeding feed;
+    feeding feed = {.app = self, .crew = (size_t)self->threads, .rate = (uint64_t)defaults.rate};
     lg_error error = {LG_OK, ""};
     sink to;
     if (values.out == NULL && self->json)
         app_stop_usage(self, "--json: the feed would also go to standard output; give --out FILE.csv");
-    feeding_create(self, &feed);
+    feed.samples = (uint64_t)floor(values.hours * HOUR * defaults.rate + 0.5);
+    if (feed.samples == 0) app_stop_usage(self, "--hours %g: is shorter than a sample", values.hours);
+    feed.hours = app_keep(feed.crew, sizeof *feed.hours);
+    for (size_t i = 0; i < feed.crew; i++) {
+        feed.hours[i].samples = app_keep(HOUR * feed.rate * LG_RISER_CHANNELS, sizeof(float));
+        feed.hours[i].rows.text = app_text();
+    }
     const double begin = app_seconds();
     lg_status status = sink_open(self, values.out, &to, &error);
     if (status == LG_OK) status = write_hours(&feed, &to, &error);
     app_must(self, sink_close(&to, status, &error), &error);
-    if (values.out != NULL) report(&feed, app_seconds() - begin);
+    if (values.out == NULL) return;
+    APP_PUT(self->out, APP_REAL("hours", values.hours, NULL), APP_WHOLE("samples", feed.samples, NULL),
+            APP_WHOLE("lines", feed.lines, "samples that are there"), APP_WHOLE("gaps", feed.gaps, NULL),
+            APP_WHOLE("nan", feed.nans, "samples with a value nan"), LG_AS_WHOLE("bytes", feed.bytes),
+            LG_AS_REAL("rate", (double)feed.rate), LG_AS_REAL("crack_at", values.crack_at),
+            LG_AS_REAL("severity", values.well.severity), LG_AS_REAL("noise", values.well.noise),
+            LG_AS_WHOLE("seed", self->seed), APP_TEXT("out", values.out, NULL),
+            APP_REAL("seconds", app_seconds() - begin, NULL));
 }
 
 const app_command anomaly_feed_command = {

@@ -62,13 +62,6 @@ static void scene_of(const app *self, uint64_t index, const well_setup *well, lg
     well_set_up(well, parameters, run);
 }
 
-static void transpose(const float *samples, size_t windows, uint32_t channels, uint32_t length, float *x) {
-    for (size_t w = 0; w < windows; w++)
-        for (uint32_t c = 0; c < channels; c++)
-            for (uint32_t t = 0; t < length; t++)
-                x[(w * channels + c) * length + t] = samples[(w * length + t) * channels + c];
-}
-
 static lg_status generate_run(void *user, size_t index, void *record, lg_error *error) {
     generating *self = user;
     lg_series *series = self->series;
@@ -82,9 +75,12 @@ static lg_status generate_run(void *user, size_t index, void *record, lg_error *
     APP_FREE float *samples = app_try_alloc(count * LG_RISER_CHANNELS, sizeof *samples);
     if (samples == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "run %zu: out of memory", index);
     const lg_status status = lg_riser_simulate(self->app->context, &parameters, &run, count, samples, &why);
-    if (status == LG_OK)
-        transpose(samples, windows, series->channels, series->length,
-                  series->x + first * series->channels * series->length);
+    const size_t channels = series->channels, length = series->length;
+    for (size_t w = 0; status == LG_OK && w < windows; w++)
+        for (size_t c = 0; c < channels; c++)
+            for (size_t t = 0; t < length; t++)
+                series->x[((first + w) * channels + c) * length + t] =
+                    samples[(w * length + t) * channels + c];
     for (size_t w = first; w < first + windows; w++) {
         series->label[w] = label;
         series->group[w] = sea_state;
@@ -143,35 +139,15 @@ static void put_recordings(app_plot *plot, const void *sampled) {
 
 /* ---- the command ---- */
 
-static void report(const app *self, const lg_series_data *data, double seconds) {
-    const lg_series *series = &data->series;
-    size_t broken = 0;
-    for (size_t i = 0; i < series->count; i++) broken += series->label[i] == 1;
-    app_json *out = self->out;
-    APP_PUT(out, APP_WHOLE("runs", values.runs, NULL), APP_REAL("hours", values.hours, "of a run"),
-            APP_WHOLE("windows", series->count, NULL), APP_WHOLE("intact", series->count - broken, NULL),
-            APP_WHOLE("broken", broken, NULL), APP_WHOLE("channels", series->channels, NULL),
-            APP_WHOLE("length", series->length, "samples of a window"),
-            APP_REAL("rate", series->rate, "samples per second"), APP_REAL("noise", values.well.noise, NULL),
-            APP_TEXT("housing", data->housing, NULL),
-            APP_TEXT("operation", operation_names[values.well.operation], NULL),
-            APP_REAL("load_relief", values.well.load_relief, "N/m"),
-            APP_REAL("severity", values.well.severity, NULL), LG_AS_WHOLE("seed", self->seed),
-            LG_AS_WHOLE("threads", self->threads), LG_AS_TEXT("sha256", data->sha256),
-            APP_TEXT("out", values.out, NULL), APP_REAL("seconds", seconds, NULL));
-}
-
 /* Simulates all runs, together with other processes if there are any. False: another process writes the
  * file. */
 static bool simulate(const app *self, size_t windows, lg_series *series, trials_work *made) {
     const size_t window = (size_t)series->channels * series->length;
     generating what = {.app = self, .series = series, .windows_of_run = windows};
-    char label[LG_SHA256_TEXT];
     APP_FREE char *text =
         app_format("%llu %.17g %.17g %.17g %d %d %.17g %.17g %llu", (unsigned long long)values.runs,
                    values.hours, values.window, values.well.noise, values.well.housing, values.well.operation,
                    values.well.load_relief, values.well.severity, (unsigned long long)self->seed);
-    trials_label(self, text, NULL, label);
     made->count = (size_t)values.runs;
     made->array_count = 4;
     made->run = generate_run;
@@ -181,7 +157,7 @@ static bool simulate(const app *self, size_t windows, lg_series *series, trials_
     made->arrays[1] = (trials_array){series->label, windows * sizeof *series->label, SIZE_MAX};
     made->arrays[2] = (trials_array){series->group, windows * sizeof *series->group, SIZE_MAX};
     made->arrays[3] = (trials_array){series->run, windows * sizeof *series->run, SIZE_MAX};
-    APP_MUST_FILE(self, values.out, trials_open(made, label, &error));
+    trials_begin(made, text, NULL);
     return trials_run(made);
 }
 
@@ -229,7 +205,20 @@ static void run(app *self) {
     APP_FILE(self, values.out, lg_series_write, &data);
     trials_end(&made);
     app_plot_draw(self, 0, &data.series.rate);
-    report(self, &data, seconds);
+    const lg_series *series = &data.series;
+    size_t broken = 0;
+    for (size_t i = 0; i < series->count; i++) broken += series->label[i] == 1;
+    APP_PUT(self->out, APP_WHOLE("runs", values.runs, NULL), APP_REAL("hours", values.hours, "of a run"),
+            APP_WHOLE("windows", series->count, NULL), APP_WHOLE("intact", series->count - broken, NULL),
+            APP_WHOLE("broken", broken, NULL), APP_WHOLE("channels", series->channels, NULL),
+            APP_WHOLE("length", series->length, "samples of a window"),
+            APP_REAL("rate", series->rate, "samples per second"), APP_REAL("noise", values.well.noise, NULL),
+            APP_TEXT("housing", data.housing, NULL),
+            APP_TEXT("operation", operation_names[values.well.operation], NULL),
+            APP_REAL("load_relief", values.well.load_relief, "N/m"),
+            APP_REAL("severity", values.well.severity, NULL), LG_AS_WHOLE("seed", self->seed),
+            LG_AS_WHOLE("threads", self->threads), LG_AS_TEXT("sha256", data.sha256),
+            APP_TEXT("out", values.out, NULL), APP_REAL("seconds", seconds, NULL));
 }
 
 const app_command anomaly_generate_command = {

@@ -105,25 +105,6 @@ static char *cell_end(const sample_reader *reader, char *at) {
 
 /* ---- parsing a line ---- */
 
-static bool is_left_out(const sample_reader *reader, uint32_t column) {
-    return column < reader->frame.columns && column + 1 != reader->time &&
-           !lg_frame_is_wanted(&reader->frame, column);
-}
-
-/* Whether the next cell may be a time: it is in the column of times or, without names, the first one. */
-static bool is_timed(const sample_reader *reader, uint32_t column) {
-    return reader->frame.columns > 0 ? column + 1 == reader->time
-                                     : column == 0 && reader->layout != LAYOUT_VALUES;
-}
-
-/* If the first sample has a damaged time, the next one decides the format. */
-static double read_time(sample_reader *reader, lg_moment now) {
-    const bool packed = now.format == LG_TIME_SECONDS && lg_moment_is_packed(now.seconds);
-    const double value = packed ? (double)NAN : lg_clock_read(&reader->clock, now);
-    if (isnan(value) && reader->lines < 2) reader->clock = (lg_clock){.format = LG_TIME_NONE};
-    return value;
-}
-
 /* False: the line has more fields than any layout. */
 static bool add_field(sample_reader *reader, double value) {
     if (reader->fields <= reader->channels) reader->field[reader->fields] = value;
@@ -149,7 +130,12 @@ static const char *scan_number(sample_reader *reader, const char *p, bool timed,
     p += quoted;
     const char *next = timed ? lg_moment_scan(p, &now) : lg_decimal(p, value);
     const bool ends = next != NULL && ends_cell(reader, next, quoted);
-    if (timed && ends) *value = read_time(reader, now);
+    if (timed && ends) {
+        const bool packed = now.format == LG_TIME_SECONDS && lg_moment_is_packed(now.seconds);
+        *value = packed ? (double)NAN : lg_clock_read(&reader->clock, now);
+        /* If the first sample has a damaged time, the next one decides the format. */
+        if (isnan(*value) && reader->lines < 2) reader->clock = (lg_clock){.format = LG_TIME_NONE};
+    }
     if (!ends) {
         next = quoted && ends_cell(reader, p, true) ? p : scan_word(reader, p, quoted);
         *value = (double)NAN;
@@ -166,7 +152,11 @@ static bool split_line(sample_reader *reader, char *p, bool *open) {
     reader->fields = 0;
     reader->words = *open = false;
     for (; *p != '\0'; column++) {
-        const bool skipped = is_left_out(reader, column);
+        const bool named = reader->frame.columns > 0, of_time = column + 1 == reader->time,
+                   skipped = column < reader->frame.columns && !of_time &&
+                             !lg_frame_is_wanted(&reader->frame, column),
+                   /* without names the first cell may be a time */
+            timed = named ? of_time : column == 0 && reader->layout != LAYOUT_VALUES;
         if (*p == '#' && !skipped) break;
         *open = false;
         if (skipped) {
@@ -174,7 +164,7 @@ static bool split_line(sample_reader *reader, char *p, bool *open) {
         } else {
             double value = (double)NAN;
             if (!separates(reader, *p)) {
-                const char *next = scan_number(reader, p, is_timed(reader, column), &value);
+                const char *next = scan_number(reader, p, timed, &value);
                 if (next == NULL) return reject_word(reader, p);
                 p = skip_blanks(reader, p + (next - p));
             }
@@ -242,21 +232,15 @@ static sample_layout layout_of(const sample_reader *reader) {
     return reader->fields == c + 1 && isfinite(reader->field[0]) ? LAYOUT_TIMED : LAYOUT_UNKNOWN;
 }
 
-/* Returns whether the fields fit the layout. If the layout is still unknown, sets it from the fields. */
-static bool fits_layout(sample_reader *reader, bool open) {
-    if (reader->layout == LAYOUT_UNKNOWN) reader->layout = layout_of(reader);
-    if (reader->layout == LAYOUT_UNKNOWN) return false;
-    const uint32_t wanted = reader->channels + (reader->layout == LAYOUT_TIMED);
-    if (open && reader->fields + 1 == wanted) (void)add_field(reader, (double)NAN);
-    return reader->fields == wanted;
-}
-
 static sample_kind take_line(sample_reader *reader, const sample_line *line, char *p, float *sample,
                              double *time) {
     bool open;
     if (!read_line(reader, p, &open)) return SAMPLE_MALFORMED;
-    if (!fits_layout(reader, open)) return reject_count(reader);
-    const uint32_t timed = reader->layout == LAYOUT_TIMED;
+    if (reader->layout == LAYOUT_UNKNOWN) reader->layout = layout_of(reader);
+    const uint32_t timed = reader->layout == LAYOUT_TIMED, wanted = reader->channels + timed;
+    const bool known = reader->layout != LAYOUT_UNKNOWN;
+    if (known && open && reader->fields + 1 == wanted) (void)add_field(reader, (double)NAN);
+    if (!known || reader->fields != wanted) return reject_count(reader);
     /* the line's last number may be cut if it ends exactly at the end of the file */
     const bool cut =
         !line->closed && reader->lines > 0 && !ends_field(reader, p[strlen(p) - 1]) && strchr(p, '#') == NULL;
@@ -350,12 +334,6 @@ static lg_status find_columns(sample_reader *reader) {
     return LG_OK;
 }
 
-static bool same_names(const lg_frame *a, const lg_frame *b) {
-    bool same = a->columns == b->columns;
-    for (uint32_t i = 0; same && i < a->columns; i++) same = strcmp(a->name[i], b->name[i]) == 0;
-    return same;
-}
-
 /* Takes the columns from a line of words if it names all channels; frame.header is then its line. If the
  * first such line names no channel, the feed may be rejected at the first sample. Fails if the line names
  * only some of the channels, or names one twice. Later lines fail so only if lines have as many cells and the
@@ -370,7 +348,9 @@ static lg_status take_names(sample_reader *reader, char *line, bool comment, boo
     lg_frame now = read_names(reader, line + (comment && (*line == ',' || *line == ';')));
     now.want = reader->want;
     now.wants = reader->channels;
-    const bool first = reader->lines == 0 && f->columns == 0, same = same_names(&now, f),
+    bool same = now.columns == f->columns;
+    for (uint32_t i = 0; same && i < now.columns; i++) same = strcmp(now.name[i], f->name[i]) == 0;
+    const bool first = reader->lines == 0 && f->columns == 0,
                strict = !comment && (first || (!known && now.columns == cells_of(reader)));
     const lg_status status = lg_frame_find(&now, strict ? &reader->error : NULL);
     for (uint32_t c = 0; status == LG_OK && c < reader->channels; c++) found += reader->want[c].there;

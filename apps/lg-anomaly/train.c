@@ -1,8 +1,11 @@
-/* lg-anomaly train: trains a model on labelled series and writes its file. */
+/* lg-anomaly train: trains a model on labelled series and writes its file. lg-anomaly search: over options of
+ * cnn or rocket. */
 #include <math.h>
 #include <string.h>
 
+#include "common/verbs.h"
 #include "lg-anomaly/train.h"
+#include "nn/search.h"
 
 /* Default window and hop of the baseline, in seconds. */
 static const double baseline_window = 600, baseline_hop = 60;
@@ -17,19 +20,36 @@ well_model trained_model(well_sort sort, const char *method) {
                         .file = {.names = train_state.all.data.series, .run = train_run}};
 }
 
-/* ---- the classical methods ---- */
+/* ---- the network ---- */
 
-/* Sets the baseline's window and hop if the data are recordings; otherwise a window is a stored window. */
-static void baseline_defaults(const lg_series *series, uint64_t *window, uint64_t *hop) {
-    if (series->run == NULL) return;
-    if (series->rate > 0) {
-        *window = (uint64_t)fmax(floor(baseline_window * series->rate + 0.5), 1);
-        *hop = (uint64_t)fmax(floor(baseline_hop * series->rate + 0.5), 1);
-    } else {
-        *window = (uint64_t)BASELINE_STORED * series->length;
-        *hop = series->length;
-    }
+static unsigned has(const lg_training *training) {
+    const well_model shape = trained_model(WELL_NETWORK, "cnn");
+    return plots_of(&shape, true);
 }
+
+/* The model has no plan, because plots do not need one. */
+static void draw(const app *self, const lg_training *training) {
+    APP_FREE double *theta = app_alloc(training->problem.parameters, sizeof *theta);
+    well_model model = trained_model(WELL_NETWORK, "cnn");
+    lg_fit_parameters(training->fit, theta);
+    model.network.theta = theta;
+    const viewing view = {&model, lg_detector_tested(&train_state), &train_state.judged,
+                          .training = training};
+    app_plot_draw(self, plots_of(&model, true), &view);
+}
+
+static const char *const searched[] = {"cnn", "rocket", NULL};
+train_task network_recipe = {.recipe = &lg_recipe_detector,
+                             .settings = train_settings,
+                             .command = &anomaly_train_command,
+                             .searched = searched,
+                             .check = train_check_options,
+                             .trial = train_trial,
+                             .state = &train_state,
+                             .has = has,
+                             .draw = draw};
+
+/* ---- the classical methods ---- */
 
 static void run_classical(const app *self) {
     lg_training *training = &network_recipe.training;
@@ -51,8 +71,16 @@ static void run_classical(const app *self) {
     }
     if (data->series.classes < 2 && !alone)
         app_stop(self, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'", data->series.class_name[0]);
-    if (train_given.method == METHOD_BASELINE)
-        baseline_defaults(&data->series, &train_run.window, &train_run.hop);
+    /* If the data are no recordings, a window is a stored window. */
+    const bool cut = train_given.method == METHOD_BASELINE && data->series.run != NULL;
+    const double rate = data->series.rate;
+    if (cut && rate > 0) {
+        train_run.window = (uint64_t)fmax(floor(baseline_window * rate + 0.5), 1);
+        train_run.hop = (uint64_t)fmax(floor(baseline_hop * rate + 0.5), 1);
+    } else if (cut) {
+        train_run.window = (uint64_t)BASELINE_STORED * data->series.length;
+        train_run.hop = data->series.length;
+    }
     APP_MUST(self, lg_detector_window(training, &train_run.window, &train_run.hop, &error));
     APP_MUST(self, lg_detector_split(training, &error));
     train_classical(self);
@@ -87,4 +115,18 @@ const app_command anomaly_train_command = {
     .settings = train_settings,
     .plots = anomaly_plots,
     .run = run_train,
+    .together = APP_RANKS};
+
+const app_command anomaly_search_command = {
+    .name = "search",
+    .arguments = "RANGES.yaml DATA.h5",
+    .summary = "Search over the options of train --classifier cnn or rocket",
+    .details = "The objective is the network's loss on the held-out part at its best epoch; with "
+               "`classifier: rocket` "
+               "it is the fraction of the held-out windows that get a wrong class.\n\n" SEARCH_DETAILS
+               " The search never uses the test part (fixed: test-fraction, split): train the best trial to "
+               "evaluate it.",
+    .settings = APP_SETTINGS(SEARCH_SHARED),
+    .plots = search_plots,
+    VERB(search, network_recipe),
     .together = APP_RANKS};

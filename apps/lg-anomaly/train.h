@@ -49,8 +49,8 @@ lg_status train_check_options(const app *app, lg_error *error);
 
 /* ---- training ---- */
 
-/* The task of `train --classifier cnn` and of `search` (train_network.c). Other methods use its `training`
- * for data and results. */
+/* The task of `train --classifier cnn` and of `search`. Other methods use its `training` for data and
+ * results. */
 extern train_task network_recipe;
 /* Trains another method. The data in train_state have been read, cut and split. */
 void train_classical(const app *app);

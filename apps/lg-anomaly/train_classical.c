@@ -40,25 +40,21 @@ static lg_detector_state *const state = &train_state;
 
 /* ---- features ---- */
 
-static lg_status fit_rocket(const app *program, const lg_scaler *scaler, lg_features *out, lg_error *error) {
+static lg_status create_features(const app *program, lg_features *out, lg_error *error) {
+    const lg_series *series = &state->all.data.series;
+    const bool baseline = train_given.method == METHOD_BASELINE;
     lg_rocket_options options;
+    lg_scaler scaler;
     lg_rocket_options_init(&options);
     options.seed = program->seed;
     options.directions_x = train_given.directions == 1;
     if (train_is_number(train_given.features)) options.features = (uint32_t)train_given.features;
-    return lg_rocket_fit(program->context, &options, &state->all.data.series, &state->all.windows,
-                         state->train.list, state->train.count, scaler, out, error);
-}
-
-static lg_status create_features(const app *program, lg_features *out, lg_error *error) {
-    const lg_series *series = &state->all.data.series;
-    const bool baseline = train_given.method == METHOD_BASELINE;
-    lg_scaler scaler;
     lg_status status = lg_scaler_fit(program->context, series, &state->all.windows, state->train.list,
                                      state->train.count, false, &scaler);
     if (status != LG_OK) return lg_fail(error, status, "scaling: %s", lg_status_sentence(status));
     if (train_given.method == METHOD_ROCKET)
-        status = fit_rocket(program, &scaler, out, error);
+        status = lg_rocket_fit(program->context, &options, series, &state->all.windows, state->train.list,
+                               state->train.count, &scaler, out, error);
     else
         status = lg_features_create(
             program->context,

@@ -92,12 +92,6 @@ static uint32_t most_silent(const watching *self) {
     return most;
 }
 
-static void hear(watching *self, const float *sample) {
-    self->silence.samples++;
-    for (uint32_t c = 0; sample != NULL && c < self->channels; c++)
-        self->silence.without[c] += !isfinite(sample[c]);
-}
-
 /* A window that was not judged because a channel sends no numbers also counts as unlike the training
  * windows. */
 static void blame_silence(watching *self, lg_verdict *v) {
@@ -246,15 +240,6 @@ static bool changes(const watching *self, const lg_verdict *v) {
     return v->alarm != self->alarm || v->novel != self->unlike;
 }
 
-/* Returns true for windows of a gap that are counted and not printed. The first windows of the gap are
- * printed. */
-static bool left_out(watching *self, const lg_verdict *v) {
-    if (!self->in_gap || v->judged || changes(self, v) || ++self->gap_windows <= TOLD_NOT_JUDGED)
-        return false;
-    if (self->gap_windows == TOLD_NOT_JUDGED + 1) self->gap_first = self->now;
-    return true;
-}
-
 void watch_end_gap(watching *self) {
     const unsigned long long count =
         self->gap_windows > TOLD_NOT_JUDGED ? self->gap_windows - TOLD_NOT_JUDGED : 0;
@@ -274,7 +259,9 @@ void watch_end_gap(watching *self) {
 void watch_push(watching *self, const float *sample) {
     lg_verdict v;
     bool ready = false;
-    hear(self, sample);
+    self->silence.samples++;
+    for (uint32_t c = 0; sample != NULL && c < self->channels; c++)
+        self->silence.without[c] += !isfinite(sample[c]);
     const lg_status status = lg_monitor_push(self->watch, sample, &ready, &v);
     self->tally.samples++;
     if (status != LG_OK) {
@@ -288,7 +275,11 @@ void watch_push(watching *self, const float *sample) {
     blame_silence(self, &v);
     count_verdict(self, &v);
     if (v.judged) listen(self, v.missing);
-    if (!left_out(self, &v) && (!values.quiet || changes(self, &v))) {
+    /* After the first windows of a gap the others are counted and not printed. */
+    const bool left_out =
+        self->in_gap && !v.judged && !changes(self, &v) && ++self->gap_windows > TOLD_NOT_JUDGED;
+    if (left_out && self->gap_windows == TOLD_NOT_JUDGED + 1) self->gap_first = self->now;
+    if (!left_out && (!values.quiet || changes(self, &v))) {
         watch_log_turn(&self->log);
         (self->app->json ? print_json_verdict : print_verdict)(self, &v);
         watch_log_put(&self->log);

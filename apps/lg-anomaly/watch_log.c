@@ -27,21 +27,18 @@ static lg_status end_line(const watch_log *log, int fd, lg_error *error) {
     return LG_OK;
 }
 
-/* Checks that the file is empty or begins as a log does. No other file is changed. */
-static lg_status check_begin(const watch_log *log, int fd, lg_error *error) {
-    struct stat about;
-    if (fstat(fd, &about) == 0 && (!S_ISREG(about.st_mode) || about.st_size == 0)) return LG_OK;
-    if (app_begins(log->path, log->begin, strlen(log->begin), 1)) return LG_OK;
-    return lg_fail(error, LG_FILE,
-                   "%s: exists and is not a log of such verdicts: remove it, or choose another file",
-                   log->path);
-}
-
+/* The file must be empty or begin as a log does. No other file is changed. */
 static lg_status open_file(const watch_log *log, int *out, lg_error *error) {
+    struct stat about;
     const int fd = open(log->path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
     if (fd < 0) return lg_fail(error, LG_FILE, "%s: %s", log->path, strerror(errno));
-    lg_status status = check_begin(log, fd, error);
-    if (status == LG_OK) status = end_line(log, fd, error);
+    const bool begun = fstat(fd, &about) != 0 || (S_ISREG(about.st_mode) && about.st_size > 0),
+               other = begun && !app_begins(log->path, log->begin, strlen(log->begin), 1);
+    const lg_status status =
+        !other ? end_line(log, fd, error)
+               : lg_fail(error, LG_FILE,
+                         "%s: exists and is not a log of such verdicts: remove it, or choose another file",
+                         log->path);
     if (status == LG_OK)
         *out = fd;
     else
@@ -71,17 +68,6 @@ void watch_log_turn(watch_log *log) {
     log->fd = fd;
 }
 
-/* Appends everything or nothing. If the disk is full, the part that was written is cut off, unless somebody
- * else has shortened the file meanwhile. */
-static int append(int fd, const char *text, size_t length) {
-    const off_t before = lseek(fd, 0, SEEK_END);
-    struct stat about;
-    const int code = lg_write_all(fd, text, length);
-    if (code != 0 && fstat(fd, &about) == 0 && about.st_size > before && before >= 0)
-        (void)!ftruncate(fd, before);
-    return code;
-}
-
 void watch_log_put(watch_log *log) {
     if (log->fd < 0) return;
     struct stat about;
@@ -90,7 +76,12 @@ void watch_log_put(watch_log *log) {
                named = (file ? about.st_size > 0 : log->named) || strchr(log->begin, '\n') == NULL;
     /* The text has the end of an earlier, longer line after `length`. */
     APP_FREE char *text = app_format("%s%.*s", named ? "" : log->begin, (int)log->length, log->text);
-    const int code = append(log->fd, text, strlen(text));
+    /* Everything or nothing is appended. If the disk is full, the part that was written is cut off, unless
+     * somebody else has shortened the file meanwhile. */
+    const off_t before = lseek(log->fd, 0, SEEK_END);
+    const int code = lg_write_all(log->fd, text, strlen(text));
+    if (code != 0 && fstat(log->fd, &about) == 0 && about.st_size > before && before >= 0)
+        (void)!ftruncate(log->fd, before);
     if (code != 0 && !log->failing)
         app_warn(log->app, "%s: verdicts cannot be written: %s", log->path, strerror(code));
     if (code == 0 && log->failing) app_warn(log->app, "%s: verdicts are written again", log->path);

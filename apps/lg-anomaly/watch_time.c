@@ -283,22 +283,19 @@ static bool check_rate(watching *self) {
     return true;
 }
 
-/* Returns whether the times of the first samples increase: at least half of them, and at most a quarter goes
- * back. */
-static bool first_times_increase(const timing *t) {
+/* Finds out what is in the column of times, which increase if at least half of the first ones do and at most
+ * a quarter goes back. False: it is no time, or of another rate. */
+static bool check_times(watching *self) {
+    sample_reader *reader = self->reader;
+    timing *t = &self->timing;
     uint32_t rises = 1, falls = 0;
+    t->measured = true;
     for (uint32_t i = 1; i < t->firsts; i++) {
         rises += t->first[i].time > t->first[i - 1].time;
         falls += t->first[i].time < t->first[i - 1].time;
     }
-    return t->firsts < LEAST_TIMES || (2 * rises >= t->firsts && 4 * falls <= t->firsts);
-}
-
-/* Finds out what is in the column of times. False: it is no time, or of another rate. */
-static bool check_times(watching *self) {
-    sample_reader *reader = self->reader;
-    self->timing.measured = true;
-    if (first_times_increase(&self->timing)) return check_rate(self);
+    if (t->firsts < LEAST_TIMES || (2 * rises >= t->firsts && 4 * falls <= t->firsts))
+        return check_rate(self);
     self->refused = !reader->guessed;
     if (self->refused) {
         (void)app_fail(self->app, LG_FILE, "column %s should be the time, but it does not increase",
@@ -310,7 +307,7 @@ static bool check_times(watching *self) {
              "increase",
              time_name(reader));
     sample_leave_times(reader);
-    for (uint32_t i = 0; i < self->timing.firsts; i++) self->timing.first[i].time = NAN;
+    for (uint32_t i = 0; i < t->firsts; i++) t->first[i].time = NAN;
     return true;
 }
 

@@ -311,8 +311,8 @@ static void tell(app *self, naming names, const verdict *v) {
                 APP_REAL("fraction", rounded_down(r->fraction), "of the box"));
     }
     if (r->width != NULL)
-        app_result_put(out, APP_REALS("width", r->width, v->sides,
-                                      "the set's largest distance from the goal in each state"));
+        app_json_put(out, APP_REALS("width", r->width, v->sides,
+                                    "the set's largest distance from the goal in each state"));
     if (r->input_error > 0) app_json_real(out, "input_error", r->input_error);
     if (r->input_error > 0 && r->verified) app_json_real(out, "eps_rounded", r->eps_rounded);
     tell_forms(out, names, v);

@@ -175,7 +175,12 @@ typedef struct sums {
 static void run_along(const following *f, lg_plan *const *plan, double *x, void *work, sums *sum,
                       double *saturated) {
     const double begin = f->table.value[0], end = f->table.value[(f->table.rows - 1) * f->table.width];
-    const size_t steps = (size_t)((end - begin) / f->task->period) + 1, nq = f->positions;
+    const double periods = floor((end - begin) / f->task->period), most = 1e9;
+    if (!(periods < most))
+        app_stop(f->self, LG_FORMAT,
+                 "%s: from the first to the last time are %g periods of %g s, expected at most %g",
+                 f->table.path, periods, f->task->period, most);
+    const size_t steps = (size_t)periods + 1, nq = f->positions;
     double seen[2 * LG_POLICY_COORDINATES] = {0}, reference[2 * LG_POLICY_COORDINATES], u[LG_POLICY_INPUTS];
     double *next = x + lg_plan_input_count(plan[PERIOD], 0);
     size_t row = 0;
@@ -184,6 +189,7 @@ static void run_along(const following *f, lg_plan *const *plan, double *x, void 
     for (uint32_t k = 0; k < f->tracked; k++) seen[f->place[k]] = reference[k];
     APP_MUST(f->self, lg_policy_states_at(f->policy, seen, seen + nq, 1, x, &error));
     for (size_t s = 0; s < steps; s++) {
+        if (app_interrupted()) app_stop(f->self, LG_CANCELLED, "stopped by %s", app_stopper());
         reference_at(f, begin + (double)s * f->task->period, &row, reference);
         for (uint32_t k = 0; k < f->tracked; k++) {
             const double off = fabs(seen[f->place[k]] - reference[k]);

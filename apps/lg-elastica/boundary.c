@@ -91,32 +91,24 @@ static void fix_rotation(const app *self, double wanted, boundary *out) {
     out->rotation[0] = out->chosen = out->problem.rotation = nearest;
 }
 
-static void read_angles(const app *self, boundary *out) {
-    const bool last = app_given(self, "thetaN");
-    if (!last && !app_given(self, "rotation")) app_stop_usage(self, "--thetaN B is missing");
-    boundary_rotations(beam_given.theta0, last ? beam_given.thetaN : beam_given.theta0 + beam_given.rotation,
-                       out);
-}
-
-static void read_case(const app *self, lg_elastica_case kind, boundary *out) {
-    if (!app_given(self, "x")) app_stop_usage(self, "--x X is missing");
-    if (app_given(self, "case")) kind = (lg_elastica_case)beam_given.kind;
-    lg_elastica_set_case(&out->problem, kind, beam_given.x);
-    const double rotation = out->problem.rotation;
-    boundary_rotations(out->problem.theta0, out->problem.theta0 + rotation, out);
-    out->chosen = out->problem.rotation = rotation;
-}
-
 void boundary_read(const app *self, const lg_elastica *problem, lg_elastica_case kind, boundary *out) {
-    const bool family = app_given(self, "case") || app_given(self, "x");
+    const bool family = app_given(self, "case") || app_given(self, "x"), last = app_given(self, "thetaN");
     *out = (boundary){.problem = *problem};
     if (!family && !app_given(self, "theta0"))
         app_stop_usage(self, "no boundary conditions: give --case and --x, or --theta0 and --thetaN");
     read_ends(self, &out->problem);
-    if (family)
-        read_case(self, kind, out);
-    else
-        read_angles(self, out);
+    if (family) {
+        if (!app_given(self, "x")) app_stop_usage(self, "--x X is missing");
+        if (app_given(self, "case")) kind = (lg_elastica_case)beam_given.kind;
+        lg_elastica_set_case(&out->problem, kind, beam_given.x);
+        const double rotation = out->problem.rotation;
+        boundary_rotations(out->problem.theta0, out->problem.theta0 + rotation, out);
+        out->chosen = out->problem.rotation = rotation;
+    } else {
+        if (!last && !app_given(self, "rotation")) app_stop_usage(self, "--thetaN B is missing");
+        boundary_rotations(beam_given.theta0,
+                           last ? beam_given.thetaN : beam_given.theta0 + beam_given.rotation, out);
+    }
     if (app_given(self, "rotation")) fix_rotation(self, beam_given.rotation, out);
     APP_MUST(self, lg_elastica_check(&out->problem, &error));
 }

@@ -24,17 +24,6 @@ static beam_curve create_curve(const lg_elastica *problem) {
     return out;
 }
 
-static lg_status solve_one(const lg_context *context, const lg_elastica_options *options, bool continuous,
-                           beam_curve *curve, lg_error *error) {
-    const beam_nodes *at = &curve->at;
-    const lg_elastica *problem = &curve->problem;
-    LG_TRY(continuous ? lg_elastica_solve_continuous(context, problem, options, at->theta, at->q,
-                                                     &curve->solution, error)
-                      : lg_elastica_solve(context, problem, options, at->theta, &curve->solution, error));
-    lg_elastica_curve(problem, at->theta, continuous ? NULL : at->q, at->v);
-    return LG_OK;
-}
-
 /* A lower bound on the energy of a discrete curve whose angles differ by at most pi from node to node, with
  * rotation r over N intervals. The largest convex function below 1 - cos equals 1 - cos up to the point whose
  * tangent goes through (pi, 2); |r|/N must be below this point. By Jensen's inequality the minimum then
@@ -58,7 +47,13 @@ void beam_solve(const app *self, const boundary *where, const lg_elastica_option
         problem.rotation = fixed ? where->chosen : where->rotation[k];
         if (found && energy_bound(&problem) > out->solution.energy) continue;
         beam_curve curve = create_curve(&problem);
-        const lg_status status = solve_one(self->context, options, continuous, &curve, &error);
+        const beam_nodes *at = &curve.at;
+        const lg_status status =
+            continuous
+                ? lg_elastica_solve_continuous(self->context, &problem, options, at->theta, at->q,
+                                               &curve.solution, &error)
+                : lg_elastica_solve(self->context, &problem, options, at->theta, &curve.solution, &error);
+        if (status == LG_OK) lg_elastica_curve(&problem, at->theta, continuous ? NULL : at->q, at->v);
         if (app_interrupted()) app_must(self, LG_CANCELLED, NULL);
         if (status != LG_OK && failure == LG_OK) {
             failure = status;
@@ -145,27 +140,21 @@ void write_curves(const app *self, const char *path, const beam_curve *curves, s
     APP_MUST_FILE(self, path, lg_columns_write(&to, self->context, path, &error));
 }
 
-static void json_pairs(app_json *json, const char *key, const double *values, size_t count) {
-    app_json_open(json, key, '[');
-    for (size_t i = 0; i < count; i++) app_json_reals(json, NULL, values + 2 * i, 2);
-    app_json_close(json, ']');
-}
-
-static void show_nodes(app_json *out, const beam_nodes *nodes, size_t every) {
-    const size_t last = nodes->count - 1;
+void result_nodes(app_json *out, const beam_nodes *nodes, bool all) {
+    const size_t last = nodes->count - 1,
+                 every = all || last <= SHOWN_NODES ? 1 : (last + SHOWN_NODES - 1) / SHOWN_NODES;
+    for (int pairs = 0; pairs < 2; pairs++) {
+        app_json_open(out, pairs == 0 ? "q" : "v", '[');
+        for (size_t i = 0; i <= last; i++)
+            app_json_reals(out, NULL, (pairs == 0 ? nodes->q : nodes->v) + 2 * i, 2);
+        app_json_close(out, ']');
+    }
+    app_json_reals(out, "theta", nodes->theta, nodes->count);
+    if (!out->people || out->tabled) return;
     app_result_rows(out, NULL);
     for (size_t k = 0; k <= last; k = k < last && k + every > last ? last : k + every)
         for (size_t c = 0; c < COLUMNS; c++) app_json_real(out, columns[c], at_column(nodes, k, c));
     app_result_rows_end(out);
-}
-
-void result_nodes(app_json *out, const beam_nodes *nodes, bool all) {
-    const size_t last = nodes->count - 1;
-    json_pairs(out, "q", nodes->q, nodes->count);
-    json_pairs(out, "v", nodes->v, nodes->count);
-    app_json_reals(out, "theta", nodes->theta, nodes->count);
-    if (out->people && !out->tabled)
-        show_nodes(out, nodes, all || last <= SHOWN_NODES ? 1 : (last + SHOWN_NODES - 1) / SHOWN_NODES);
 }
 
 /* ---- plots ---- */

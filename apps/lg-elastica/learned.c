@@ -8,22 +8,6 @@
 
 /* ---- networks ---- */
 
-/* The beam of the data that a model was trained on, without its end angles. *known: the file has its
- * stiffness. */
-static lg_elastica beam_of_model(const lg_surrogate_file *file, bool *known) {
-    lg_elastica problem;
-    lg_elastica_init(&problem);
-    problem.length = file->run.model.length;
-    problem.intervals = file->run.model.intervals;
-    *known = file->run.stiffness > 0;
-    if (*known) problem.stiffness = file->run.stiffness;
-    if (file->trained_count > 0) {
-        memcpy(problem.q0, file->trained, sizeof problem.q0);
-        memcpy(problem.qN, file->trained + 4, sizeof problem.qN);
-    }
-    return problem;
-}
-
 /* Computes the curves of a network at up to `points` points at a time; the caller destroys it. */
 static lg_surrogate_curves *open_network(const app *self, const lg_surrogate_file *file, size_t points,
                                          void **work) {
@@ -131,10 +115,20 @@ typedef struct prediction {
 
 /* ---- input ---- */
 
+/* The beam is that of the data that the model was trained on, but for its ends. */
 static void read_where(const app *self, prediction *p) {
     const lg_surrogate_file *file = &p->file;
     const lg_elastica_families known = lg_elastica_families_of(file->trained, file->trained_count);
-    const lg_elastica problem = beam_of_model(file, &p->stiff);
+    lg_elastica problem;
+    lg_elastica_init(&problem);
+    problem.length = file->run.model.length;
+    problem.intervals = file->run.model.intervals;
+    p->stiff = file->run.stiffness > 0;
+    if (p->stiff) problem.stiffness = file->run.stiffness;
+    if (file->trained_count > 0) {
+        memcpy(problem.q0, file->trained, sizeof problem.q0);
+        memcpy(problem.qN, file->trained + 4, sizeof problem.qN);
+    }
     if (predict_given.solve && !p->stiff)
         app_warn(self,
                  "%s: the file does not say the stiffness of the beam, so the energy is unknown: train the "

@@ -208,18 +208,6 @@ static void collect(sweep *s) {
     qsort(s->rows, s->count, sizeof *s->rows, by_branch);
 }
 
-static void write_sweep(const sweep *s) {
-    if (values.out == NULL) return;
-    lg_columns to = {.text = app_text()};
-    lg_columns_names(&to, SWEEP_HEAD);
-    lg_columns_end(&to);
-    for (const sweep_point *at = s->rows; at < s->rows + s->count; at++) {
-        lg_columns_numbers(&to, (const double *)(const void *)at, NUMBERS);
-        lg_columns_end(&to);
-    }
-    APP_MUST_FILE(s->self, values.out, lg_columns_write(&to, s->self->context, values.out, &error));
-}
-
 /* Branches are drawn as pieces of equal stability, since stable and unstable ones have different dashes. */
 static void put_sweep(app_plot *plot, const void *swept) {
     const sweep *s = swept;
@@ -257,7 +245,11 @@ static void add_branches(app_json *out, const sweep *s) {
     app_result_rows_end(out);
 }
 
-static void add_points(app_json *out, const sweep *s) {
+static void report_sweep(const sweep *s, double seconds) {
+    app_json *out = s->self->out;
+    if (out->people) add_branches(out, s);
+    APP_PUT(out, LG_AS_TEXT("case", lg_elastica_case_name((lg_elastica_case)beam_given.kind)),
+            LG_AS_REALS("x", s->x, s->points), LG_AS_WHOLE("branches", s->branches));
     app_json_open(out, "points", '[');
     for (const sweep_point *at = s->rows; at < s->rows + s->count; at++)
         APP_OBJECT(out, NULL, LG_AS_REAL("branch", at->branch), LG_AS_REAL("x", at->x),
@@ -265,23 +257,8 @@ static void add_points(app_json *out, const sweep *s) {
                    LG_AS_REAL("negative_eigenvalues", at->negative_eigenvalues),
                    LG_AS_REAL("rotation", at->rotation));
     app_json_close(out, ']');
-}
-
-static void report_sweep(const sweep *s, double seconds) {
-    app_json *out = s->self->out;
-    if (out->people) add_branches(out, s);
-    APP_PUT(out, LG_AS_TEXT("case", lg_elastica_case_name((lg_elastica_case)beam_given.kind)),
-            LG_AS_REALS("x", s->x, s->points), LG_AS_WHOLE("branches", s->branches));
-    add_points(out, s);
     APP_PUT(out, LG_AS_WHOLE("intervals", s->problem->intervals), LG_AS_TEXT("out", values.out),
             LG_AS_REAL("seconds", seconds));
-}
-
-static void check_found(const sweep *s, size_t i) {
-    if (app_interrupted()) app_must(s->self, LG_CANCELLED, NULL);
-    const lg_error *error = &s->error[i];
-    if (error->status != LG_OK)
-        app_stop(s->self, error->status, "x = %.9g: %s", s->x[i], app_sentence(error->status, error));
 }
 
 static void solve_sweep(const app *self, const lg_elastica *problem, const lg_elastica_options *options) {
@@ -298,11 +275,23 @@ static void solve_sweep(const app *self, const lg_elastica *problem, const lg_el
     APP_MUST(self, lg_elastica_check(problem, &error));
     for (size_t i = 0; i < n; i++) s.x[i] = 2 * LG_PI * (double)i / (double)(n - 1);
     app_parallel(self->threads, n, find, &s);
-    for (size_t i = 0; i < n; i++) check_found(&s, i);
+    if (app_interrupted()) app_must(self, LG_CANCELLED, NULL);
+    for (size_t i = 0; i < n; i++)
+        if (s.error[i].status != LG_OK)
+            app_stop(self, s.error[i].status, "x = %.9g: %s", s.x[i],
+                     app_sentence(s.error[i].status, &s.error[i]));
     for (size_t i = 0; i < n; i++) follow(&s, i);
     collect(&s);
     const double seconds = app_seconds() - begin;
-    write_sweep(&s);
+    lg_columns to = {.text = app_text()};
+    lg_columns_names(&to, SWEEP_HEAD);
+    lg_columns_end(&to);
+    for (const sweep_point *at = s.rows; at < s.rows + s.count; at++) {
+        lg_columns_numbers(&to, (const double *)(const void *)at, NUMBERS);
+        lg_columns_end(&to);
+    }
+    if (values.out != NULL)
+        APP_MUST_FILE(self, values.out, lg_columns_write(&to, self->context, values.out, &error));
     app_plot_row(self, &sweep_plot, &s);
     report_sweep(&s, seconds);
 }

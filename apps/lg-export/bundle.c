@@ -41,38 +41,38 @@ static void take_texts(export_source *source, const lg_c_source *c, int skip) {
     if (c->work_size > source->work) source->work = c->work_size;
 }
 
-lg_status export_c(export_source *source, lg_program *program, const lg_c_options *how, int skip,
-                   lg_c_source **out, lg_error *error) {
-    lg_c_options all = *how;
-    all.name = source->options->name;
-    all.dtype = source->options->dtype;
-    LG_TRY(lg_program_write_c(program, &all, out, error));
-    take_texts(source, *out, skip);
-    return LG_OK;
-}
-
-void export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
-                   size_t count) {
+lg_status export_c(export_source *source, lg_program *program, export_function *functions, size_t count,
+                   bool compact, int skip, lg_c_source **out, lg_error *error) {
     APP_FREE size_t *chosen = app_alloc(count, sizeof *chosen);
     APP_FREE const char **names = app_alloc(count, sizeof *names);
     APP_FREE bool *hidden = app_alloc(count, sizeof *hidden);
-    lg_error error = {LG_OK, ""};
     lg_c_options how;
-    lg_c_source *c = NULL;
     lg_c_options_init(&how);
+    how.name = source->options->name;
+    how.dtype = source->options->dtype;
     how.functions = chosen;
     how.names = names;
     how.hidden = hidden;
-    how.compact = true;
+    how.compact = compact;
     how.function_count = count;
     for (size_t i = 0; i < count; i++) {
         names[i] = functions[i].name;
         hidden[i] = functions[i].hidden;
         (void)lg_program_find(program, functions[i].function, &chosen[i], NULL);
     }
-    const lg_status status = export_c(source, program, &how, source->outputs > 0 ? 2 : 0, &c, &error);
-    for (size_t i = 0; status == LG_OK && i < count; i++)
-        functions[i].work = c->work[i], functions[i].depth = c->depth[i];
+    LG_TRY(lg_program_write_c(program, &how, out, error));
+    for (size_t i = 0; i < count; i++)
+        functions[i].work = (*out)->work[i], functions[i].depth = (*out)->depth[i];
+    take_texts(source, *out, skip);
+    return LG_OK;
+}
+
+void export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
+                   size_t count) {
+    lg_error error = {LG_OK, ""};
+    lg_c_source *c = NULL;
+    const lg_status status =
+        export_c(source, program, functions, count, true, source->outputs > 0 ? 2 : 0, &c, &error);
     if (status == LG_OK) lg_text_add(&source->code, "\n");
     if (status == LG_NOT_FINITE) source->weights.unfit = true; /* export_write reports it. */
     lg_c_source_destroy(c);

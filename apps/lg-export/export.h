@@ -58,6 +58,8 @@ typedef struct export_options {
     char input_units[EXPORT_UNITS], output_units[EXPORT_UNITS];
 } export_options;
 
+enum { EXPORT_MOST_FURTHER = 6 };
+
 /* Golden vectors of the self-test. The inputs are rounded to the exported type (export_round). From these
  * inputs the library computes the outputs in double precision, with the stored parameters. */
 typedef struct export_golden {
@@ -65,11 +67,14 @@ typedef struct export_golden {
     double *x;        /* (count, inputs) */
     double *y;        /* (count, outputs) */
     double *jacobian; /* (count, outputs, inputs); NULL if the model has no NAME_grad. */
-    /* Number of further results that a test_*.c below code/ computes from x in `static void extra(x, out,
-     * work)`; 0: there is no such function. */
-    size_t extras;
-    double *extra;          /* (count, extras) */
-    const char *extra_name; /* What the self-test calls these results: "field and step". */
+    /* Further results, which a test_*.c below code/ computes from x one behind the other in `static void
+     * extra(x, out, work)`. */
+    struct {
+        double *values; /* (count, size) */
+        size_t size;
+    } further[EXPORT_MOST_FURTHER];
+    size_t furthers;
+    const char *further_name; /* What the self-test calls them: "field and step". */
 } export_golden;
 
 /* A file that is going to be written. */
@@ -216,8 +221,11 @@ void export_source_free(export_source *source);
 /* ---- golden vectors (golden.c) ---- */
 
 /* Allocates zeroed arrays for options->golden vectors; source->inputs and source->outputs must be set.
- * `jacobian` and `extras` say which arrays there are besides x and y. */
-void export_golden_make(export_source *source, bool jacobian, size_t extras, const char *extra_name);
+ * `jacobian`: there are Jacobians. */
+void export_golden_make(export_source *source, bool jacobian);
+/* Adds `size` further results to each golden vector, all 0, and returns them. The last name that is not NULL
+ * is that of all. */
+double *export_golden_further(export_source *source, size_t size, const char *name);
 /* Returns the sum of the squares of `values`, computed in the exported type and in the order of the
  * self-test. Returns 0 for NULL. */
 double export_squares(const export_options *options, const double *values, size_t count);
@@ -242,12 +250,12 @@ typedef struct export_function {
     size_t work, depth;
     bool hidden; /* True: the function is static, for the fragments that follow it. */
 } export_function;
-/* Adds code, arrays, weights and declarations of a program's functions, without the first `skip`
- * declarations. Name and type are taken from `source`. Returns the errors of lg_program_write_c. */
-lg_status export_c(export_source *source, lg_program *program, const lg_c_options *how, int skip,
-                   lg_c_source **out, lg_error *error);
-/* Adds the same for the given functions, written with loops; the program must have all of them. If a number
- * does not fit the exported type, export_write reports it later. */
+/* Adds code, arrays, weights and declarations of the given functions, which the program must have, without
+ * the first `skip` declarations. Returns the errors of lg_program_write_c. */
+lg_status export_c(export_source *source, lg_program *program, export_function *functions, size_t count,
+                   bool compact, int skip, lg_c_source **out, lg_error *error);
+/* Adds the same, written with loops, without the declarations that NAME.h has. If a number does not fit the
+ * exported type, export_write reports it later. */
 void export_bundle(const app *self, export_source *source, lg_program *program, export_function *functions,
                    size_t count);
 /* Rounds all parameters of the program to the exported type. */

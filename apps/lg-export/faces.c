@@ -70,7 +70,6 @@ static void choose(export_model *m) {
         const export_face *face = faces[i];
         if (!is_there(m, face)) continue;
         m->faces[m->face_count++] = face;
-        m->extras += face->extras != NULL ? face->extras(m) : 0;
         for (size_t k = 0; k < functions_of(face); k++)
             if (place_of(m, face->functions[k].function) == m->count)
                 m->functions[m->count++] = (export_function){.function = face->functions[k].function,
@@ -137,7 +136,6 @@ static void draw_start(export_model *m, double *x) {
 static bool draw(export_model *m, size_t v) {
     export_source *source = m->source;
     double *x = source->golden.x + v * source->inputs;
-    bool clear = true;
     if (m->kind->draw != NULL)
         m->kind->draw(m, x, v);
     else
@@ -146,39 +144,28 @@ static bool draw(export_model *m, size_t v) {
     if (export_has(m, &export_face_value))
         lg_model_jacobian(m->file->model, x, source->golden.y + v * source->outputs,
                           source->golden.jacobian + v * source->outputs * source->inputs, m->work);
-    for (size_t i = 0, at = 0; i < m->face_count && clear; i++) {
-        const export_face *face = m->faces[i];
-        if (face->draw != NULL) clear = face->draw(m, v, export_extra(m, at, v));
-        at += face->extras != NULL ? face->extras(m) : 0;
-    }
-    return clear && (m->kind->is_smooth == NULL || m->kind->is_smooth(m, v));
-}
-
-static void make_golden(export_model *m) {
-    const char *name = NULL;
-    for (size_t i = 0; i < m->face_count; i++)
-        if (m->faces[i]->extra_name != NULL) name = m->faces[i]->extra_name;
-    if (m->window.names.channels > 0)
-        export_window_golden(m->source, m->extras, name);
-    else
-        export_golden_make(m->source, export_has(m, &export_face_value), m->extras, name);
+    return (m->scores == NULL || export_draw_classes(m, v)) &&
+           (m->kind->is_smooth == NULL || m->kind->is_smooth(m, v));
 }
 
 static lg_status add_golden(export_model *m) {
-    lg_status status = LG_OK;
+    const bool classes = export_has(m, &export_face_classes);
+    const size_t scores = (size_t)m->window.names.classes + 1;
     size_t function;
-    if (export_has(m, &export_face_classes) &&
-        lg_program_find(m->program, "probability", &function, NULL) == LG_OK)
-        LG_TRY(export_evaluation_open(m->program, function, LG_F64, 0, &m->probability, NULL));
+    lg_status status = LG_OK;
     lg_rng_seed(&m->rng, m->source->options->seed, m->kind->stream);
-    make_golden(m);
+    if (m->window.names.channels > 0)
+        export_window_golden(m->source, scores);
+    else
+        export_golden_make(m->source, export_has(m, &export_face_value));
+    if (classes && lg_program_find(m->program, "probability", &function, NULL) == LG_OK) {
+        LG_TRY(export_evaluation_open(m->program, function, LG_F64, 0, &m->probability, NULL));
+        m->scores = export_golden_further(m->source, scores, "probabilities, class");
+    }
     for (size_t v = 0; v < m->source->golden.count; v++)
         for (int attempt = 0; attempt < ATTEMPTS && !draw(m, v); attempt++) continue;
-    for (size_t i = 0, at = 0; i < m->face_count && status == LG_OK; i++) {
-        const export_face *face = m->faces[i];
-        if (face->golden != NULL) status = face->golden(m, at);
-        at += face->extras != NULL ? face->extras(m) : 0;
-    }
+    for (size_t i = 0; i < m->face_count && status == LG_OK; i++)
+        if (m->faces[i]->golden != NULL) status = m->faces[i]->golden(m);
     return status;
 }
 

@@ -23,12 +23,12 @@ typedef struct export_model {
     /* Numbers of a state, of an element of the algebra (the field), of an input, and of the tangent space's
      * coordinates; 0: the model does not move. */
     size_t dim, algebra, forces, tangent;
-    size_t positions, velocities;                /* Numbers of positions and velocities in a log; 0: none. */
-    export_window window;                        /* classes is 0 if the model has no classes. */
-    export_evaluation probability;               /* Plan of the probabilities of the classes. */
+    size_t positions, velocities;  /* Numbers of positions and velocities in a log; 0: none. */
+    export_window window;          /* classes is 0 if the model has no classes. */
+    export_evaluation probability; /* Plan of the probabilities of the classes. */
+    double *scores;                /* Of golden vectors: probabilities and class, (count, classes + 1). */
     const export_face *faces[EXPORT_MOST_FACES]; /* In the order of the table. */
     size_t face_count;
-    size_t extras; /* Number of extra results per golden vector. */
     export_function functions[EXPORT_MOST_FACES * EXPORT_MOST_FUNCTIONS];
     size_t count;
     lg_rng rng;    /* For golden vectors. */
@@ -45,15 +45,9 @@ struct export_face {
         bool hidden; /* Static: only fragments call it. */
     } functions[EXPORT_MOST_FUNCTIONS];
     bool (*fits)(const export_model *m);
-    void (*code)(export_model *m);           /* Adds fragments, constants, sizes, declarations. */
-    size_t (*extras)(const export_model *m); /* Number of extra results per golden vector. */
-    /* Computes the extra results of golden vector v. Returns false if the vector has to be drawn again. */
-    bool (*draw)(export_model *m, size_t v, double *extra);
-    /* Computes the extra results of all golden vectors, from number `at` of each vector on, and adds the code
-     * for the self-test. */
-    lg_status (*golden)(export_model *m, size_t at);
-    /* What the self-test calls the extra results; if several faces have a name, the last one is used. */
-    const char *extra_name;
+    void (*code)(export_model *m); /* Adds fragments, constants, sizes, declarations. */
+    /* Adds further results to the golden vectors, and the code that computes them to the self-test. */
+    lg_status (*golden)(export_model *m);
     /* The fragments' stack frames: their bytes (gcc and clang, -O0 to -O3) and their number. */
     size_t stack, calls;
 };
@@ -71,9 +65,6 @@ struct export_kind {
      * the program's ports. */
     void (*draw)(export_model *m, double *x, size_t v);
     double (*draw_input)(export_model *m, size_t k); /* Draws number k of the input of golden steps. */
-    /* Whether the program's `step` is more than its scheme along the field, so that golden steps are its own.
-     * NULL: it is not. */
-    bool (*steps_alone)(const export_model *m);
     /* Called when value, gradient and classes of golden vector `v` are computed. Returns false if the vector
      * has to be drawn again because rounding could change these results. */
     bool (*is_smooth)(export_model *m, size_t v);
@@ -103,10 +94,6 @@ void export_faces(const app *self, const lg_model_file *file, export_source *sou
 
 void export_machine_words(const void *contents, export_source *source); /* In machine/machine_words.c. */
 bool export_has(const export_model *m, const export_face *face);
-/* Extra results of golden vector `v`, from number `at` on. */
-static inline double *export_extra(const export_model *m, size_t at, size_t v) {
-    return m->source->golden.extra + v * m->source->golden.extras + at;
-}
 /* Returns the reals of work memory of a function that belongs to the model's faces, 0 for any other
  * function. */
 size_t export_work_of(const export_model *m, const char *function);
@@ -120,5 +107,7 @@ void export_turn(export_model *m, double *x);
 void export_tell_numbers(text *about, const char *what, size_t count, const char *words);
 /* Adds lines about the scheme, and about the condition if it exceeds 1 (motion.c). */
 void export_tell_motion(const export_model *m);
+/* Computes the scores of golden vector v. Returns false if rounding could change its class (window.c). */
+bool export_draw_classes(export_model *m, size_t v);
 
 #endif

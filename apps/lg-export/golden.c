@@ -2,15 +2,36 @@
 #include "lg-export/export.h"
 
 #include <math.h>
+#include <string.h>
 
-void export_golden_make(export_source *source, bool jacobian, size_t extras, const char *extra_name) {
+void export_golden_make(export_source *source, bool jacobian) {
     const size_t count = (size_t)source->options->golden;
-    source->golden = (export_golden){.count = count, .extras = extras, .extra_name = extra_name};
+    source->golden = (export_golden){.count = count};
     source->golden.x = app_keep(count * source->inputs, sizeof(double));
     source->golden.y = app_keep(count * source->outputs, sizeof(double));
     if (jacobian)
         source->golden.jacobian = app_keep(count * source->outputs * source->inputs, sizeof(double));
-    if (extras > 0) source->golden.extra = app_keep(count * extras, sizeof(double));
+}
+
+double *export_golden_further(export_source *source, size_t size, const char *name) {
+    export_golden *golden = &source->golden;
+    double *values = app_keep(golden->count * size, sizeof *values);
+    golden->further[golden->furthers].values = values;
+    golden->further[golden->furthers++].size = size;
+    if (name != NULL) golden->further_name = name;
+    return values;
+}
+
+/* All further results of each vector, one behind the other; *size: how many a vector has. */
+static double *join_further(const export_golden *golden, size_t *size) {
+    *size = 0;
+    for (size_t f = 0; f < golden->furthers; f++) *size += golden->further[f].size;
+    double *all = app_alloc(golden->count * *size, sizeof *all), *to = all;
+    for (size_t v = 0; v < golden->count; v++)
+        for (size_t f = 0; f < golden->furthers; to += golden->further[f++].size)
+            memcpy(to, golden->further[f].values + v * golden->further[f].size,
+                   golden->further[f].size * sizeof *to);
+    return all;
 }
 
 void export_test_begin(const export_source *source, size_t count, text *to) {
@@ -31,6 +52,8 @@ void export_golden_write(const export_source *source, text *to) {
     const export_golden *golden = &source->golden;
     const char *name = source->options->name;
     const size_t in = source->inputs, out = source->outputs, all = out * in;
+    size_t extras;
+    APP_FREE double *extra = join_further(golden, &extras);
     const struct {
         const char *id, *name, *array, *call;
         const double *values;
@@ -38,7 +61,7 @@ void export_golden_write(const export_source *source, text *to) {
     } rows[] = {{"value", "value", "value", "eval(x, y, work)", golden->y, out},
                 {"gradient", "gradient", "gradient", "grad(x, NULL, y, work)", golden->jacobian, all},
                 {"both", "value with gradient", "value", "grad(x, y, other, work)", golden->jacobian, out},
-                {"extra", golden->extra_name, "extra", "extra(x, y, work)", golden->extra, golden->extras}};
+                {"extra", golden->further_name, "extra", "extra(x, y, work)", extra, extras}};
     text table = app_text();
     size_t largest = 0;
     export_test_begin(source, golden->count, to);
@@ -77,8 +100,10 @@ bool export_golden_fits(const export_source *source) {
     const export_golden *golden = &source->golden;
     const export_options *options = source->options;
     const size_t in = golden->count * source->inputs, out = golden->count * source->outputs;
+    size_t extras;
+    APP_FREE double *extra = join_further(golden, &extras);
     return isfinite(export_squares(options, golden->x, in)) &&
            isfinite(export_squares(options, golden->y, out)) &&
            isfinite(export_squares(options, golden->jacobian, out * source->inputs)) &&
-           isfinite(export_squares(options, golden->extra, golden->count * golden->extras));
+           isfinite(export_squares(options, extra, golden->count * extras));
 }

@@ -2,6 +2,8 @@
  * linearisation. They use functions of the model's program; code/hamiltonian and code/machine hold the code
  * around these functions. */
 
+#include <string.h>
+
 #include "lg-export/faces.h"
 
 /* ---- scheme and space of a step ---- */
@@ -125,29 +127,17 @@ static void linearise_code(export_model *m) {
 
 /* ---- golden vectors ---- */
 
-static size_t motion_extras(const export_model *m) {
-    return m->algebra + m->dim;
-}
-
-static size_t states_extras(const export_model *m) {
-    return m->positions + m->velocities + m->dim;
-}
-
-static size_t linearise_extras(const export_model *m) {
-    return m->tangent * (m->tangent + m->forces);
-}
-
 /* The step size of the golden steps: the training data's dt, halved until no golden state moves by more than
  * its own length. A model that is too fast for dt would otherwise be compared where a step multiplies
  * rounding errors. */
-static double golden_step(const export_model *m, size_t at) {
+static double golden_step(const export_model *m, const double *field) {
     const export_golden *golden = &m->source->golden;
     const double dt = m->source->step;
     double h = dt > 0.0 && dt <= 1.0 ? dt : 0.01;
     for (int halved = 0; halved < 60; halved++) {
         bool fits = true;
         for (size_t i = 0; i < golden->count; i++)
-            fits = fits && h * export_norm(export_extra(m, at, i), NULL, m->algebra) <=
+            fits = fits && h * export_norm(field + i * m->algebra, NULL, m->algebra) <=
                                export_norm(golden->x + m->dim * i, NULL, m->dim);
         if (fits) break;
         h *= 0.5;
@@ -155,62 +145,58 @@ static double golden_step(const export_model *m, size_t at) {
     return export_round(m->source->options, h);
 }
 
-/* Computes the golden steps with the library's integrator if the scheme is known and is all of a step,
- * otherwise with the program's `step`. */
-static lg_status take_steps(export_model *m, size_t at) {
-    const bool alone = m->kind->steps_alone != NULL && m->kind->steps_alone(m);
-    const lg_scheme *scheme = alone ? NULL : m->source->options->scheme;
-    const export_golden *golden = &m->source->golden;
-    lg_stepper *stepper = NULL;
-    const size_t bytes = scheme != NULL ? lg_model_stepper_size(m->file->model, scheme) : 0;
-    APP_FREE void *memory = app_alloc(bytes > 0 ? bytes : 1, 1);
-    lg_status status =
-        scheme != NULL ? lg_model_stepper_init(m->file->model, scheme, &stepper, memory, bytes) : LG_OK;
-    for (size_t i = 0; i < golden->count && status == LG_OK; i++) {
-        const double *const x[] = {golden->x + i * m->dim, m->forces > 0 ? m->input : &m->h, &m->h};
-        double *next = export_extra(m, at, i) + m->algebra;
-        status = scheme != NULL ? lg_stepper_step(stepper, 0.0, m->h, x[0], m->input, next)
-                                : lg_program_eval(m->self->context, m->program, "step", 1, x, &next, NULL);
+/* Evaluates a function of the program at the golden states, input and step size, or at `from`. The results of
+ * a vector lie `stride` numbers behind those of the one before. */
+static lg_status evaluate(const export_model *m, const char *function, const double *from, double *out,
+                          size_t stride) {
+    const size_t d = m->dim;
+    size_t number;
+    export_evaluation e;
+    APP_FREE double *row = app_alloc(d + m->forces + 1, sizeof *row);
+    LG_TRY(lg_program_find(m->program, function, &number, NULL));
+    LG_TRY(export_evaluation_open(m->program, number, LG_F64, 0, &e, NULL));
+    memcpy(row + d, m->input, m->forces * sizeof *row);
+    row[d + m->forces] = m->h;
+    for (size_t i = 0; i < m->source->golden.count; i++) {
+        memcpy(row, m->source->golden.x + i * d, d * sizeof *row);
+        export_evaluate(&e, from != NULL ? from + i * export_numbers(e.in, e.ins) : row, out + i * stride);
     }
-    return status;
+    export_evaluation_close(&e);
+    return LG_OK;
 }
 
-static lg_status motion_golden(export_model *m, size_t at) {
+static lg_status motion_golden(export_model *m) {
     export_source *source = m->source;
-    const export_golden *golden = &source->golden;
+    double *field = export_golden_further(source, m->algebra, NULL),
+           *next = export_golden_further(source, m->dim, "field and step");
     for (size_t k = 0; k < m->forces; k++)
         m->input[k] = export_round(source->options, m->kind->draw_input != NULL
                                                         ? m->kind->draw_input(m, k)
                                                         : lg_rng_uniform_in(&m->rng, -1.0, 1.0));
-    for (size_t i = 0; i < golden->count; i++)
-        LG_TRY(lg_model_field(m->file->model, golden->x + i * m->dim, m->input, export_extra(m, at, i),
-                              m->work));
-    m->h = golden_step(m, at);
-    LG_TRY(take_steps(m, at));
+    LG_TRY(evaluate(m, "field", NULL, field, m->algebra));
+    m->h = golden_step(m, field);
+    LG_TRY(evaluate(m, "step", NULL, next, m->dim));
     export_real(source, &source->test, "golden_step", m->h);
     export_reals(source, &source->test, "golden_input", m->input, m->forces > 0 ? m->forces : 1);
     export_test_code(source, "test_motion");
     return LG_OK;
 }
 
-static lg_status states_golden(export_model *m, size_t at) {
-    const lg_model *model = m->file->model;
-    for (size_t i = 0; i < m->source->golden.count; i++) {
-        const double *x = m->source->golden.x + i * m->dim;
-        double *q = export_extra(m, at, i), *v = q + m->positions;
-        LG_TRY(lg_model_machine_positions(model, x, q, m->work));
-        LG_TRY(lg_model_machine_velocities(model, x, v, m->work));
-        LG_TRY(lg_model_machine_state(model, q, v, v + m->velocities, m->work));
-    }
-    return LG_OK;
+static lg_status states_golden(export_model *m) {
+    const size_t both = m->positions + m->velocities;
+    double *seen = export_golden_further(m->source, both, NULL),
+           *state = export_golden_further(m->source, m->dim, "field, step, states");
+    LG_TRY(evaluate(m, "positions", NULL, seen, both));
+    LG_TRY(evaluate(m, "velocities", NULL, seen + m->positions, both));
+    return evaluate(m, "momenta", seen, state, m->dim);
 }
 
-static lg_status linearise_golden(export_model *m, size_t at) {
-    for (size_t i = 0; i < m->source->golden.count; i++) {
-        double *A = export_extra(m, at, i);
-        LG_TRY(lg_model_linearise(m->file->model, m->source->golden.x + i * m->dim, m->input, A,
-                                  A + m->tangent * m->tangent, NULL, m->work));
-    }
+static lg_status linearise_golden(export_model *m) {
+    const size_t square = m->tangent * m->tangent, size = square + m->tangent * m->forces;
+    double *A = export_golden_further(m->source, size, NULL);
+    for (size_t i = 0; i < m->source->golden.count; i++, A += size)
+        LG_TRY(lg_model_linearise(m->file->model, m->source->golden.x + i * m->dim, m->input, A, A + square,
+                                  NULL, m->work));
     return LG_OK;
 }
 
@@ -227,9 +213,7 @@ static bool wants_linearise(const export_model *m) {
 const export_face export_face_motion = {.functions = {{"field", "flow", true}, {"step", "advance", true}},
                                         .fits = moves,
                                         .code = motion_code,
-                                        .extras = motion_extras,
                                         .golden = motion_golden,
-                                        .extra_name = "field and step",
                                         .stack = 1024,
                                         .calls = 3};
 
@@ -238,15 +222,12 @@ const export_face export_face_states = {.functions = {{"momenta", "state", false
                                                       {"positions", "positions", false}},
                                         .fits = has_states,
                                         .code = states_code,
-                                        .extras = states_extras,
                                         .golden = states_golden,
-                                        .extra_name = "field, step, states",
                                         .calls = 1};
 
 const export_face export_face_linearise = {.functions = {{"jac_velocity", "linear", true}},
                                            .fits = wants_linearise,
                                            .code = linearise_code,
-                                           .extras = linearise_extras,
                                            .golden = linearise_golden,
                                            .stack = 1024};
 

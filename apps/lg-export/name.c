@@ -7,15 +7,9 @@
 
 enum { LONGEST = 40 };
 
-/* Keywords and operators of C11 and C++14, and names of standard headers, which NAME.h would hide. */
-static const char reserved[] =
-    " alignas alignof and and_eq asm auto bitand bitor bool break case catch char char16_t char32_t class "
-    "compl const const_cast constexpr continue decltype default delete do double dynamic_cast else enum "
-    "explicit export extern false float for friend goto if inline int long mutable namespace new noexcept "
-    "not not_eq nullptr operator or or_eq private protected public register reinterpret_cast restrict return "
-    "short signed sizeof static static_assert static_cast struct switch template this thread_local throw "
-    "true try typedef typeid typename union unsigned using virtual void volatile wchar_t while xor xor_eq "
-    "assert complex ctype errno fenv float inttypes iso646 limits locale math memory setjmp signal stdalign "
+/* Names of standard headers, which NAME.h would hide. */
+static const char headers[] =
+    " assert complex ctype errno fenv float inttypes iso646 limits locale math memory setjmp signal stdalign "
     "stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string strings tgmath threads time "
     "uchar unistd wchar wctype ";
 
@@ -36,7 +30,8 @@ const char *export_name_problem(const char *name) {
         if (!lg_in_word(*s)) return "it may have only letters, digits and _";
     if (strstr(name, "__") != NULL || name[length - 1] == '_') return "__ and a _ at the end are reserved";
     (void)snprintf(word, sizeof word, " %s ", name);
-    if (strstr(reserved, word) != NULL) return "the word is reserved by C or C++";
+    if (lg_program_name_problem(name) != NULL || strstr(headers, word) != NULL)
+        return "the word is reserved by C or C++";
     if (strcmp(name, "run") == 0 || strcmp(name, "golden") == 0)
         return "the self-test uses words with this beginning";
     if (strcasecmp(name, "makefile") == 0) return "make treats files of this name as its own";

@@ -1,7 +1,10 @@
-/* The operations of the library in ONNX: one row per operation in the table at the end of this file. */
+/* The operations of the library in ONNX: those in the table at the end of this file by a function each,
+ * elementwise ones by their scalar code. */
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/ops/op_table.h"
+#include "autodiff/program/scalars.h"
 #include "lg-export/onnx.h"
 #include "liegrad/tape.h"
 
@@ -14,49 +17,13 @@ static uint32_t rank_of(const onnx_operation *o, uint32_t input) {
     return o->j->g->nodes[o->op->inputs[input]].op.rank;
 }
 
-/* ---- elementwise operations ---- */
-
-static bool at_least(const onnx_operation *o) {
-    const onnx_name truth = onnx_binary(o->j, "GreaterOrEqual", o->x[0], o->x[1]);
-    return onnx_give(o, onnx_cast(o->j, truth, onnx_real_type(o->j)));
-}
+/* ---- elementwise operations: a node for each instruction of their scalar code ---- */
 
 /* Sign of x, but 1 at zero, where ONNX's Sign is 0. NaN stays. */
-static bool sign(const onnx_operation *o) {
-    onnx_job *j = o->j;
+static onnx_name sign(onnx_job *j, onnx_name x) {
     const onnx_name zero = onnx_number(j, 0), one = onnx_number(j, 1), minus = onnx_number(j, -1);
-    const onnx_name below = onnx_where(j, onnx_binary(j, "Less", o->x[0], zero), minus, o->x[0]);
-    return onnx_give(o, onnx_where(j, onnx_binary(j, "GreaterOrEqual", o->x[0], zero), one, below));
-}
-
-static bool choice(const onnx_operation *o) {
-    return onnx_give(o, onnx_where(o->j, onnx_cast(o->j, o->x[0], ONNX_BOOL), o->x[1], o->x[2]));
-}
-
-static bool mixture(const onnx_operation *o) {
-    const onnx_name rest = onnx_binary(o->j, "Sub", onnx_number(o->j, 1), o->x[0]);
-    return onnx_give(o, onnx_binary(o->j, "Add", onnx_binary(o->j, "Mul", rest, o->x[1]),
-                                    onnx_binary(o->j, "Mul", o->x[0], o->x[2])));
-}
-
-static bool scaled(const onnx_operation *o) {
-    if (o->op->reciprocal.base != 0 || o->op->reciprocal.rows != 0)
-        return onnx_give(o, onnx_binary(o->j, "Div", o->x[0], onnx_affine(o->j, o->op->reciprocal)));
-    return onnx_give(o, onnx_binary(o->j, "Mul", o->x[0], onnx_number(o->j, o->op->real)));
-}
-static bool shifted(const onnx_operation *o) {
-    return onnx_give(o, onnx_binary(o->j, "Add", o->x[0], onnx_number(o->j, o->op->real)));
-}
-static bool power(const onnx_operation *o) {
-    return onnx_give(o, onnx_binary(o->j, "Pow", o->x[0], onnx_number(o->j, o->op->real)));
-}
-
-static bool combination(const onnx_operation *o) {
-    onnx_name sum = onnx_binary(o->j, "Mul", o->x[0], onnx_number(o->j, o->op->reals[0]));
-    for (uint32_t i = 1; i < o->op->input_count; i++)
-        sum = onnx_binary(o->j, "Add", sum,
-                          onnx_binary(o->j, "Mul", o->x[i], onnx_number(o->j, o->op->reals[i])));
-    return onnx_give(o, sum);
+    const onnx_name below = onnx_where(j, onnx_binary(j, "Less", x, zero), minus, x);
+    return onnx_where(j, onnx_binary(j, "GreaterOrEqual", x, zero), one, below);
 }
 
 /* True if x is negative or -0. The quotient 1/x finds -0, for which x < 0 is false. */
@@ -68,9 +35,8 @@ static onnx_name negative(onnx_job *j, onnx_name x) {
 /* The quotient of the smaller and the larger absolute value gives an angle from 0 to pi/4, which is then
  * mirrored. At the origin the larger one is replaced by 1: the angle is 0 or pi, as in C. If both are
  * infinite, the quotient is 1. */
-static bool angle(const onnx_operation *o) {
-    onnx_job *j = o->j;
-    const onnx_name y = onnx_unary(j, "Abs", o->x[0]), x = onnx_unary(j, "Abs", o->x[1]);
+static onnx_name angle(onnx_job *j, onnx_name rise, onnx_name run) {
+    const onnx_name y = onnx_unary(j, "Abs", rise), x = onnx_unary(j, "Abs", run);
     const onnx_name zero = onnx_number(j, 0), half = onnx_number(j, acos(0.0)),
                     whole = onnx_number(j, acos(-1.0));
     const onnx_name steep = onnx_binary(j, "Greater", y, x), large = onnx_where(j, steep, y, x);
@@ -79,87 +45,144 @@ static bool angle(const onnx_operation *o) {
     const onnx_name ratio = onnx_where(j, equal, onnx_number(j, 1), onnx_binary(j, "Div", small, by));
     onnx_name turn = onnx_unary(j, "Atan", ratio);
     turn = onnx_where(j, steep, onnx_binary(j, "Sub", half, turn), turn);
-    turn = onnx_where(j, negative(j, o->x[1]), onnx_binary(j, "Sub", whole, turn), turn);
-    return onnx_give(o, onnx_where(j, negative(j, o->x[0]), onnx_unary(j, "Neg", turn), turn));
+    turn = onnx_where(j, negative(j, run), onnx_binary(j, "Sub", whole, turn), turn);
+    return onnx_where(j, negative(j, rise), onnx_unary(j, "Neg", turn), turn);
 }
 
-/* ---- activations ---- */
-
-static onnx_name swish(onnx_job *j, onnx_name x) {
-    return onnx_binary(j, "Mul", x, onnx_unary(j, "Sigmoid", x));
-}
-/* Not LeakyRelu, which onnxruntime does not have in double precision. */
-static onnx_name leaky_relu(onnx_job *j, onnx_name x) {
-    return onnx_binary(j, "Max", x, onnx_binary(j, "Mul", x, onnx_number(j, 0.01)));
-}
-
-/* Terms of sigma'(x): x, s = sigma(x) (for swish, s is the sigmoid of x), 1, and rest = 1 - s. */
-typedef struct slope_terms {
-    onnx_name x, s, one, rest;
-} slope_terms;
-
-static onnx_name tanh_slope(onnx_job *j, const slope_terms *t) {
-    return onnx_binary(j, "Sub", t->one, onnx_binary(j, "Mul", t->s, t->s));
-}
-static onnx_name sigmoid_slope(onnx_job *j, const slope_terms *t) {
-    return onnx_binary(j, "Mul", t->s, t->rest);
-}
-static onnx_name swish_slope(onnx_job *j, const slope_terms *t) {
-    return onnx_binary(j, "Mul", t->s, onnx_binary(j, "Add", t->one, onnx_binary(j, "Mul", t->x, t->rest)));
-}
-static onnx_name sine_slope(onnx_job *j, const slope_terms *t) {
-    return onnx_unary(j, "Cos", t->x);
+/* Adds the nodes of an instruction whose operands are `in`; a single node gives the value `out`. */
+static onnx_name instruction(onnx_job *j, const lg_scalar_code *c, const onnx_name *in, onnx_name out) {
+    static const char *const types[LG_SCALAR_OPS] = {
+        [LG_S_ADD] = "Add",   [LG_S_SUB] = "Sub",        [LG_S_MUL] = "Mul",   [LG_S_DIV] = "Div",
+        [LG_S_NEG] = "Neg",   [LG_S_MAX] = "Max",        [LG_S_SQRT] = "Sqrt", [LG_S_ABS] = "Abs",
+        [LG_S_EXP] = "Exp",   [LG_S_LOG] = "Log",        [LG_S_SIN] = "Sin",   [LG_S_COS] = "Cos",
+        [LG_S_TANH] = "Tanh", [LG_S_SIGMOID] = "Sigmoid"};
+    switch (c->op) {
+    case LG_S_CONSTANT:
+        return onnx_number(j, c->p);
+    case LG_S_GE:
+        return onnx_cast(j, onnx_binary(j, "GreaterOrEqual", in[0], in[1]), onnx_real_type(j));
+    case LG_S_SELECT:
+        return onnx_where(j, onnx_cast(j, in[0], ONNX_BOOL), in[1], in[2]);
+    case LG_S_SIGN:
+        return sign(j, in[0]);
+    case LG_S_POW:
+        return onnx_binary(j, "Pow", in[0], onnx_number(j, c->p));
+    case LG_S_ATAN2:
+        return angle(j, in[0], in[1]);
+    default:
+        onnx_emit_to(j, out.text, types[c->op], in, lg_scalar_instructions(c->op), NULL, 0);
+        return out;
+    }
 }
 
-static const struct {
-    const char *type; /* NULL: `make` is used. */
-    onnx_name (*make)(onnx_job *j, onnx_name x);
-    onnx_name (*slope)(onnx_job *j, const slope_terms *t); /* NULL: not written in ONNX. */
-} activations[LG_ACTIVATION_COUNT] = {[LG_IDENTITY] = {.type = "Identity"},
-                                      [LG_TANH] = {.type = "Tanh", .slope = tanh_slope},
-                                      [LG_SIGMOID] = {.type = "Sigmoid", .slope = sigmoid_slope},
-                                      [LG_SWISH] = {.make = swish, .slope = swish_slope},
-                                      [LG_RELU] = {.type = "Relu"},
-                                      [LG_LEAKY_RELU] = {.make = leaky_relu},
-                                      [LG_SINE] = {.type = "Sin", .slope = sine_slope}};
+/* Adds the nodes of the operation's scalar code, from the elements x of its inputs, one input behind the
+ * other, to the elements y of its output. Where y is one element and has a name, the value gets this name if
+ * it is the result of a node. */
+static void add_code(onnx_job *j, const lg_op *row, const lg_evaluation *e, const onnx_name *x,
+                     onnx_name *y) {
+    lg_scalars s;
+    const lg_scalar *in[LG_MAX_INPUTS];
+    size_t all = 0;
+    for (uint32_t i = 0; i < e->inputs; i++) all += lg_shape_count(*e->in[i]);
+    APP_FREE lg_scalar *input = app_alloc(all, sizeof *input), *result = app_alloc(e->count, sizeof *result);
+    lg_scalars_init(&s, NULL);
+    for (uint32_t k = 0; k < all; k++) input[k] = lg_s_input(&s, k);
+    for (size_t i = 0, at = 0; i < e->inputs; at += lg_shape_count(*e->in[i++])) in[i] = input + at;
+    if (!lg_scalars_expand(&s, row, e, in, result)) app_out_of_memory();
+    APP_FREE uint8_t *live = app_alloc(s.count, 1);
+    APP_FREE onnx_name *value = app_alloc(s.count, sizeof *value);
+    lg_scalars_mark(&s, result, e->count, live);
+    for (uint32_t i = 0; i < s.count; i++) {
+        const lg_scalar_code *c = &s.code[i];
+        onnx_name operand[3];
+        for (uint32_t k = 0; live[i] && k < lg_scalar_instructions(c->op); k++) operand[k] = value[c->in[k]];
+        const bool last = i == result[0] && e->count == 1 && y->text[0] != '\0';
+        if (live[i])
+            value[i] =
+                c->op == LG_S_INPUT ? x[c->n] : instruction(j, c, operand, last ? *y : onnx_new_name(j));
+    }
+    for (size_t i = 0; i < e->count; i++) {
+        y[i] = value[result[i]];
+        if (s.code[result[i]].op == LG_S_CONSTANT) /* in the shape of x */
+            y[i] = onnx_where(j, onnx_binary(j, "Equal", x[0], x[0]), y[i], y[i]);
+    }
+    lg_scalars_destroy(&s);
+}
 
-static bool activated(onnx_job *j, int64_t kind, onnx_name x, onnx_name *out) {
-    if (kind < 0 || kind >= LG_ACTIVATION_COUNT) return false;
-    *out = activations[kind].make != NULL ? activations[kind].make(j, x)
-                                          : onnx_unary(j, activations[kind].type, x);
-    return true;
+/* An operation of whole tensors, element by element. `name`: of the value, see add_code. */
+static onnx_name elementwise(onnx_job *j, const lg_op *row, const lg_attr *attr, const onnx_name *x,
+                             uint32_t inputs, const char *name) {
+    onnx_name y;
+    const lg_shape one = lg_shape0(), *in[LG_MAX_INPUTS];
+    for (uint32_t i = 0; i < inputs; i++) in[i] = &one;
+    const lg_evaluation e = {.attr = attr, .inputs = inputs, .in = in, .shape = &one, .count = 1};
+    (void)snprintf(y.text, sizeof y.text, "%s", name);
+    add_code(j, row, &e, x, &y);
+    return y;
+}
+
+static bool by_elements(const onnx_operation *o) {
+    lg_attr attr = {.c = o->op->real, .pointer = o->op->reals};
+    const lg_op *row = lg_op_named(o->op->name);
+    if (row == NULL || row->element == NULL) return false;
+    for (size_t k = 0; k < LG_COUNT(attr.i); k++) attr.i[k] = (uint32_t)o->op->whole[k].base;
+    const onnx_name y = elementwise(o->j, row, &attr, o->x, o->op->input_count, o->out);
+    return strcmp(y.text, o->out) == 0 || onnx_give(o, y);
+}
+
+static bool scaled(const onnx_operation *o) {
+    if (o->op->reciprocal.base == 0 && o->op->reciprocal.rows == 0) return by_elements(o);
+    return onnx_give(o, onnx_binary(o->j, "Div", o->x[0], onnx_affine(o->j, o->op->reciprocal)));
+}
+
+static onnx_name activated(onnx_job *j, uint32_t kind, onnx_name x) {
+    const lg_attr attr = {.i = {kind}};
+    return kind == LG_RELU ? onnx_unary(j, "Relu", x) : elementwise(j, lg_op_named("act"), &attr, &x, 1, "");
 }
 
 static bool activation(const onnx_operation *o) {
-    onnx_name y;
-    return activated(o->j, o->op->whole[0].base, o->x[0], &y) && onnx_give(o, y);
+    return onnx_give(o, activated(o->j, (uint32_t)o->op->whole[0].base, o->x[0]));
 }
 
-static bool slope(onnx_job *j, int64_t kind, onnx_name x, onnx_name s, onnx_name *out) {
-    slope_terms t = {.x = x, .s = s};
-    if (kind < 0 || kind >= LG_ACTIVATION_COUNT || activations[kind].slope == NULL) return false;
-    t.one = onnx_number(j, 1);
-    t.rest = onnx_binary(j, "Sub", t.one, s);
-    *out = activations[kind].slope(j, &t);
-    return true;
+/* The last one or two axes of an operation, without the batch. */
+static lg_shape inner_shape(const lg_operation *op, uint32_t axes) {
+    lg_shape out = {.rank = axes + 1, .dims = {1}};
+    for (uint32_t k = 1; k <= axes; k++) out.dims[k] = (uint32_t)op->shape[op->rank - 1 - axes + k].base;
+    return out;
 }
 
-/* The activation or its first derivative (order 0 or 1), times a third input if whole[3] is 1. */
-static bool activation_derivative(const onnx_operation *o) {
-    const int64_t kind = o->op->whole[0].base, order = o->op->whole[1].base;
+/* An operation on vectors or small matrices, the last `axes` axes, whose elements are written out. */
+static bool written_out(const onnx_operation *o, uint32_t axes) {
+    enum { MOST_ORDER = 6 };
     onnx_job *j = o->j;
-    onnx_name s, y;
-    if (order > 1) return false;
-    if (o->op->whole[2].base == 1)
-        s = o->x[1];
-    else if (!activated(j, kind == LG_SWISH ? LG_SIGMOID : kind, o->x[0], &s))
-        return false;
-    if (order == 0)
-        y = kind == LG_SWISH ? onnx_binary(j, "Mul", o->x[0], s) : s;
-    else if (!slope(j, kind, o->x[0], s, &y))
-        return false;
-    if (o->op->whole[3].base == 1) y = onnx_binary(j, "Mul", y, o->x[2]);
-    return onnx_give(o, y);
+    const lg_shape shape = inner_shape(o->op, axes);
+    const lg_attr none = {.c = 0};
+    lg_shape own[3];
+    lg_evaluation e = {.attr = &none,
+                       .inputs = o->op->input_count,
+                       .in = (const lg_shape *const[]){&own[0], &own[1], &own[2]},
+                       .shape = &shape,
+                       .count = lg_shape_count(shape)};
+    size_t all = 0;
+    for (uint32_t i = 0; i < e.inputs; i++) {
+        own[i] = inner_shape(&j->g->nodes[o->op->inputs[i]].op, axes);
+        all += lg_shape_count(own[i]);
+        if (own[0].dims[1] > MOST_ORDER || rank_of(o, i) != o->op->rank) return false;
+    }
+    APP_FREE onnx_name *x = app_alloc(all, sizeof *x), *y = app_alloc(e.count, sizeof *y);
+    for (size_t i = 0, at = 0; i < e.inputs; i++) {
+        const int64_t count = (int64_t)lg_shape_count(own[i]);
+        const onnx_name flat = onnx_reshape(j, o->x[i], (const lg_affine[]){{0, 1}, {count, 0}}, 2);
+        for (int64_t k = 0; k < count; k++) x[at++] = onnx_take(j, flat, &k, 1, 1);
+    }
+    add_code(j, lg_op_named(o->op->name), &e, x, y);
+    return onnx_give(o, onnx_reshape(j, onnx_join(j, y, e.count, 1), o->op->shape, o->op->rank));
+}
+static bool of_vectors(const onnx_operation *o) {
+    return written_out(o, 1);
+}
+static bool of_matrices(const onnx_operation *o) {
+    return written_out(o, 2);
 }
 
 /* ---- products ---- */
@@ -188,16 +211,6 @@ static onnx_name dot(onnx_job *j, onnx_name x, onnx_name y) {
 }
 static bool row_products(const onnx_operation *o) {
     return onnx_give(o, dot(o->j, o->x[0], o->x[1]));
-}
-
-static bool crossed(const onnx_operation *o) {
-    const int64_t next[3] = {1, 2, 0}, last[3] = {2, 0, 1};
-    onnx_job *j = o->j;
-    const onnx_name a =
-        onnx_binary(j, "Mul", onnx_take(j, o->x[0], next, 3, -1), onnx_take(j, o->x[1], last, 3, -1));
-    const onnx_name b =
-        onnx_binary(j, "Mul", onnx_take(j, o->x[0], last, 3, -1), onnx_take(j, o->x[1], next, 3, -1));
-    return onnx_give(o, onnx_binary(j, "Sub", a, b));
 }
 
 /* ---- shapes ---- */
@@ -288,75 +301,6 @@ static bool gathered(const onnx_operation *o) {
     return onnx_give(o, y);
 }
 
-/* ---- small symmetric matrices (..., n, n): factors, and systems of equations, element by element ---- */
-
-enum { MOST_SPD = 6 };
-
-/* Element (r, c) of each matrix, as (..., 1). */
-static onnx_name element(onnx_job *j, onnx_name x, int64_t r, int64_t c) {
-    const onnx_name row = onnx_take(j, x, (int64_t[]){r}, 1, -2),
-                    one = onnx_take(j, row, (int64_t[]){c}, 1, -1);
-    return onnx_binary(j, "Squeeze", one, onnx_wholes(j, (int64_t[]){-2}, 1));
-}
-
-/* Returns x minus the sum of all a[k] b[k]. */
-static onnx_name less_products(onnx_job *j, onnx_name x, const onnx_name *a, const onnx_name *b,
-                               size_t count) {
-    for (size_t k = 0; k < count; k++) x = onnx_binary(j, "Sub", x, onnx_binary(j, "Mul", a[k], b[k]));
-    return x;
-}
-
-static uint32_t order_of(const onnx_operation *o) {
-    const lg_operation *matrix = &o->j->g->nodes[o->op->inputs[0]].op;
-    return (uint32_t)matrix->shape[matrix->rank - 1].base;
-}
-
-/* Cholesky factor of (x + x^T)/2, row by row. */
-static bool factor(const onnx_operation *o) {
-    onnx_job *j = o->j;
-    const uint32_t n = order_of(o);
-    onnx_name L[MOST_SPD][MOST_SPD], rows_of[MOST_SPD];
-    if (n > MOST_SPD) return false;
-    const onnx_name zero = onnx_number(j, 0), half = onnx_number(j, 0.5);
-    for (uint32_t r = 0; r < n; r++) {
-        onnx_name row[MOST_SPD];
-        for (uint32_t c = 0; c <= r; c++) {
-            const onnx_name a = onnx_binary(
-                j, "Mul", half, onnx_binary(j, "Add", element(j, o->x[0], r, c), element(j, o->x[0], c, r)));
-            const onnx_name rest = less_products(j, a, L[r], L[c], c);
-            L[r][c] = c == r ? onnx_unary(j, "Sqrt", rest) : onnx_binary(j, "Div", rest, L[c][c]);
-        }
-        for (uint32_t c = 0; c < n; c++) row[c] = c <= r ? L[r][c] : onnx_binary(j, "Mul", zero, L[r][0]);
-        rows_of[r] =
-            onnx_binary(j, "Unsqueeze", onnx_join(j, row, n, -1), onnx_wholes(j, (int64_t[]){-2}, 1));
-    }
-    return onnx_give(o, onnx_join(j, rows_of, n, -2));
-}
-
-/* Solves L L^T y = b, where b is (..., n, m): forward substitution, then back substitution, on rows (..., m)
- * of b. */
-static bool solve(const onnx_operation *o) {
-    onnx_job *j = o->j;
-    const uint32_t n = order_of(o);
-    onnx_name L[MOST_SPD][MOST_SPD], y[MOST_SPD];
-    if (n > MOST_SPD || rank_of(o, 1) != rank_of(o, 0)) return false;
-    for (uint32_t r = 0; r < n; r++)
-        for (uint32_t c = 0; c <= r; c++) L[r][c] = element(j, o->x[2], r, c);
-    for (uint32_t r = 0; r < n; r++) {
-        const onnx_name b = onnx_binary(j, "Squeeze", onnx_take(j, o->x[1], (int64_t[]){r}, 1, -2),
-                                        onnx_wholes(j, (int64_t[]){-2}, 1));
-        y[r] = onnx_binary(j, "Div", less_products(j, b, L[r], y, r), L[r][r]);
-    }
-    for (uint32_t r = n; r-- > 0;) {
-        onnx_name column[MOST_SPD];
-        for (uint32_t k = r + 1; k < n; k++) column[k - r - 1] = L[k][r];
-        y[r] = onnx_binary(j, "Div", less_products(j, y[r], column, y + r + 1, n - 1 - r), L[r][r]);
-    }
-    for (uint32_t r = 0; r < n; r++)
-        y[r] = onnx_binary(j, "Unsqueeze", y[r], onnx_wholes(j, (int64_t[]){-2}, 1));
-    return onnx_give(o, onnx_join(j, y, n, -2));
-}
-
 /* ---- convolutions: of (batch, length, channels); ONNX takes (batch, channels, length) ---- */
 
 static onnx_name channels_first(onnx_job *j, onnx_name x) {
@@ -388,9 +332,8 @@ static bool convolution(const onnx_operation *o) {
 }
 
 static bool block(const onnx_operation *o) {
-    onnx_name y;
-    if (!activated(o->j, (int64_t)o->op->real, convolved(o), &y)) return false;
-    y = pooled(o->j, "AveragePool", y, o->op->whole[2].base, o->op->whole[3].base);
+    const onnx_name x = activated(o->j, (uint32_t)o->op->real, convolved(o)),
+                    y = pooled(o->j, "AveragePool", x, o->op->whole[2].base, o->op->whole[3].base);
     return onnx_give(o, channels_first(o->j, y));
 }
 
@@ -410,52 +353,38 @@ static bool max_pool(const onnx_operation *o) {
 
 /* ---- the table ---- */
 
+static bool without_form(const onnx_operation *o) {
+    return false;
+}
+
+/* Operations that are not elementwise, have a form of their own, or exist in single precision only. */
 static const struct {
-    const char *name, *type; /* type: the ONNX operator that takes the same inputs, or NULL. */
+    const char *name;
     /* Returns false if this form of the operation does not exist in ONNX. */
     bool (*translate)(const onnx_operation *o);
     bool single; /* onnxruntime has it in single precision only. */
-} rows[] = {{"add", "Add", NULL, false},
-            {"sub", "Sub", NULL, false},
-            {"mul", "Mul", NULL, false},
-            {"div", "Div", NULL, false},
-            {"max", "Max", NULL, false},
-            {"sqrt", "Sqrt", NULL, false},
-            {"exp", "Exp", NULL, false},
-            {"log", "Log", NULL, false},
-            {"sin", "Sin", NULL, false},
-            {"cos", "Cos", NULL, false},
-            {"abs", "Abs", NULL, false},
-            {"stop_gradient", "Identity", NULL, false},
-            {"ge", NULL, at_least, false},
-            {"sign", NULL, sign, false},
-            {"atan2", NULL, angle, true},
-            {"select", NULL, choice, false},
-            {"mix", NULL, mixture, false},
-            {"combine", NULL, combination, false},
-            {"scale", NULL, scaled, false},
-            {"shift", NULL, shifted, false},
-            {"pow", NULL, power, false},
-            {"act", NULL, activation, false},
-            {"act_derivative", NULL, activation_derivative, false},
-            {"matmul", NULL, product, false},
-            {"rowdot", NULL, row_products, false},
-            {"cross", NULL, crossed, false},
-            {"sum", NULL, summed, false},
-            {"max_axis", NULL, maximum, false},
-            {"broadcast", NULL, repeated, false},
-            {"reshape", NULL, reshaped, false},
-            {"slice", NULL, sliced, false},
-            {"pad", NULL, padded, false},
-            {"concat", NULL, joined, false},
-            {"permute", NULL, permuted, false},
-            {"gather", NULL, gathered, false},
-            {"spd_factor", NULL, factor, false},
-            {"spd_solve", NULL, solve, false},
-            {"conv1d", NULL, convolution, true},
-            {"conv1d_block", NULL, block, true},
-            {"avg_pool1d", NULL, average_pool, true},
-            {"pool_pick", NULL, max_pool, false}};
+} rows[] = {{"atan2", by_elements, true},
+            {"scale", scaled, false},
+            {"act", activation, false},
+            {"matmul", product, false},
+            {"rowdot", row_products, false},
+            {"cross", of_vectors, false},
+            {"sum", summed, false},
+            {"max_axis", maximum, false},
+            {"broadcast", repeated, false},
+            {"reshape", reshaped, false},
+            {"slice", sliced, false},
+            {"pad", padded, false},
+            {"concat", joined, false},
+            {"permute", permuted, false},
+            {"gather", gathered, false},
+            {"spd_factor", of_matrices, false},
+            {"spd_solve", of_matrices, false},
+            {"conv1d", convolution, true},
+            {"conv1d_block", block, true},
+            {"avg_pool1d", average_pool, true},
+            {"pool_pick", max_pool, false},
+            {"dexpinv_coef", without_form, false}};
 
 /* Returns the row of an operation, or LG_COUNT(rows) if there is none. */
 static size_t row_of(const lg_operation *op) {
@@ -469,11 +398,8 @@ bool onnx_translate(onnx_job *j, uint32_t node) {
     const size_t row = row_of(op);
     const onnx_name out = onnx_name_of(j, node);
     onnx_operation o = {.j = j, .op = op, .out = out.text};
-    if (row == LG_COUNT(rows)) return false;
     for (uint32_t i = 0; i < op->input_count; i++) o.x[i] = onnx_name_of(j, op->inputs[i]);
-    if (rows[row].type == NULL) return rows[row].translate(&o);
-    onnx_emit_to(j, o.out, rows[row].type, o.x, op->input_count, NULL, 0);
-    return true;
+    return row < LG_COUNT(rows) ? rows[row].translate(&o) : by_elements(&o);
 }
 
 const char *onnx_single_only(const graph *g) {

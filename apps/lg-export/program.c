@@ -279,30 +279,22 @@ void export_file_provenance(const app *self, export_source *source, const char *
 
 /* ---- the code ---- */
 
-static void write_code(job *j, const export_names *functions) {
+/* Writes the named functions; NULL: all but those that training alone needs. */
+static void write_code(job *j, const export_names *named) {
     const size_t all = lg_program_functions(j->program);
-    APP_FREE size_t *chosen = app_alloc(all, sizeof *chosen);
-    APP_FREE bool *hidden = app_alloc(all, sizeof *hidden);
-    APP_FREE char **names = app_alloc(all, sizeof *names);
-    lg_c_options how;
-    lg_c_options_init(&how);
-    how.compact = j->source->options->compact;
-    how.functions = chosen;
-    how.hidden = hidden;
-    how.function_count = 0;
-    for (size_t i = 0; i < all; i++)
-        if (!export_trains_only(j->program, i)) chosen[how.function_count++] = i;
-    if (functions != NULL) how.function_count = functions->count;
-    for (size_t i = 0; functions != NULL && i < functions->count; i++)
-        (void)lg_program_find(j->program, functions->name[i], &chosen[i], NULL);
-    for (size_t i = 0; i < how.function_count; i++) {
-        const char *name = lg_program_function_name(j->program, chosen[i]);
-        hidden[i] = run_of(j, name) != NULL;
-        names[i] = app_format("%s%s%s", j->source->prefix, name, hidden[i] ? "_next" : "");
+    APP_FREE export_function *functions = app_alloc(all, sizeof *functions);
+    size_t count = 0;
+    for (size_t i = 0; i < (named != NULL ? named->count : all); i++)
+        if (named != NULL || !export_trains_only(j->program, i))
+            functions[count++].function =
+                named != NULL ? named->name[i] : lg_program_function_name(j->program, i);
+    for (export_function *f = functions; f < functions + count; f++) {
+        f->hidden = run_of(j, f->function) != NULL;
+        f->name = app_format("%s%s%s", j->source->prefix, f->function, f->hidden ? "_next" : "");
     }
-    how.names = (const char *const *)names;
-    EXPORT_MUST(j, export_c(j->source, j->program, &how, 0, &j->c, &error));
-    for (size_t i = 0; i < how.function_count; i++) free(names[i]);
+    EXPORT_MUST(
+        j, export_c(j->source, j->program, functions, count, j->source->options->compact, 0, &j->c, &error));
+    for (size_t i = 0; i < count; i++) free((char *)(uintptr_t)functions[i].name);
 }
 
 /* Adds the sizes. The last line, about NAME_WORK_SIZE, is written anew if functions with a memory need

@@ -110,15 +110,15 @@ void export_window_score_words(text *to, const export_window *window) {
 /* Bytes of NAME_test.c that golden vectors may take, and the bytes of one number there. */
 enum { TEST_BYTES = 1600000, NUMBER_BYTES = 25 };
 
-void export_window_golden(export_source *source, size_t extras, const char *extra_name) {
+void export_window_golden(export_source *source, size_t further) {
     const double numbers =
-        (double)source->inputs * (1 + (double)source->outputs) + (double)source->outputs + (double)extras;
+        (double)source->inputs * (1 + (double)source->outputs) + (double)source->outputs + (double)further;
     const double fit = floor(TEST_BYTES / (numbers * NUMBER_BYTES));
     export_options fewer = *source->options;
     const export_options *options = source->options;
     if (fit < (double)fewer.golden) fewer.golden = fit < 1 ? 1 : (uint64_t)fit;
     source->options = &fewer;
-    export_golden_make(source, true, extras, extra_name);
+    export_golden_make(source, true);
     source->options = options;
 }
 
@@ -156,22 +156,16 @@ static void classes_code(export_model *m) {
     export_test_code(source, "test_detector");
 }
 
-static size_t classes_extras(const export_model *m) {
-    return (size_t)m->window.names.classes + 1;
-}
-
-/* Computes probabilities and class of golden vector v. Returns false if rounding could change the class. */
-static bool draw_classes(export_model *m, size_t v, double *extra) {
-    export_evaluate(&m->probability, m->source->golden.x + v * m->source->inputs, extra);
-    extra[m->window.names.classes] = lg_metrics_class(extra, m->window.names.classes);
-    return export_window_clear(extra, m->window.names.classes);
+bool export_draw_classes(export_model *m, size_t v) {
+    const uint32_t classes = m->window.names.classes;
+    double *score = m->scores + v * (classes + 1);
+    export_evaluate(&m->probability, m->source->golden.x + v * m->source->inputs, score);
+    score[classes] = lg_metrics_class(score, classes);
+    return export_window_clear(score, classes);
 }
 
 const export_face export_face_classes = {.functions = {{"probability", "probability", false}},
                                          .fits = has_classes,
                                          .code = classes_code,
-                                         .extras = classes_extras,
-                                         .draw = draw_classes,
-                                         .extra_name = "probabilities, class",
                                          .stack = 1024,
                                          .calls = 2};

@@ -22,8 +22,9 @@ void export_window_code(export_source *source, const export_window *window);
  * units. */
 void export_window_words(export_source *source, const export_window *window);
 void export_window_score_words(text *to, const export_window *window);
-/* Allocates the golden vectors; fewer than options->golden if windows are large. */
-void export_window_golden(export_source *source, size_t extras, const char *extra_name);
+/* Allocates the golden vectors; fewer than options->golden if windows are large. `further`: how many further
+ * results each will have. */
+void export_window_golden(export_source *source, size_t further);
 /* Rounds a number so that it is exact both in the exported type and in float, the type of recorded
  * windows. */
 float export_window_number(const export_source *source, double value);

@@ -92,57 +92,47 @@ static const lg_field predict_options[] = {
     APP_OUT(app_common, "FILE.csv", "The file to write (default: standard output)", .file = LG_FILE_TEXT),
     LG_FIELD_END};
 
-/* A column name has at most LG_TABLE_NAME - 1 bytes. If "probability_CLASS" is longer for any class, all
- * columns are named by the number of the class instead. */
-static void put_header(lg_columns *to, const lg_table_file *file) {
+typedef struct counts {
+    size_t outside, incomplete, infinite;
+} counts;
+
+/* Writes a row for each row of the table; its cells are empty if the prediction is not known. A column name
+ * has at most LG_TABLE_NAME - 1 bytes. If "probability_CLASS" is longer for any class, all columns are named
+ * by the number of the class instead. */
+static void put_rows(lg_columns *to, const lg_table_file *file, const lg_model *model,
+                     const lg_table_sheet *table, counts *found) {
     static const char before[] = "probability_";
     const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
+    const uint32_t outputs = file->run.model.net.outputs;
     bool fits = true;
-    for (uint32_t o = 0; o < file->run.model.net.outputs; o++)
+    APP_FREE void *work = app_alloc(lg_model_work_size(model), 1);
+    APP_FREE double *y = app_alloc(lg_model_outputs(model), sizeof *y);
+    for (uint32_t o = 0; o < outputs; o++)
         fits = fits && strlen(before) + strlen(file->output_name[o]) < LG_TABLE_NAME;
     if (!regression) lg_columns_name(to, file->class_column[0] != '\0' ? file->class_column : "class");
-    for (uint32_t o = 0; o < file->run.model.net.outputs; o++) {
+    for (uint32_t o = 0; o < outputs; o++) {
         APP_FREE char *name = regression ? app_format("%s", file->output_name[o])
                               : fits     ? app_format("%s%s", before, file->output_name[o])
                                          : app_format("%s%u", before, o);
         lg_columns_name(to, name);
     }
     lg_columns_end(to);
-}
-
-/* Writes the prediction of one row. Its cells are empty if the prediction is not known. */
-static void put_row(lg_columns *to, const lg_table_file *file, double *y, bool known) {
-    const uint32_t outputs = file->run.model.net.outputs;
-    const bool regression = file->run.model.options.task == LG_TABLE_REGRESSION;
-    if (known && !regression) {
-        lg_table_softmax(y, outputs);
-        lg_columns_text(to, file->output_name[lg_metrics_class(y, outputs)]);
-    } else if (!regression) {
-        lg_columns_empty(to);
-    }
-    for (uint32_t o = 0; o < outputs; o++) lg_columns_number(to, known ? y[o] : (double)NAN);
-    lg_columns_end(to);
-}
-
-typedef struct counts {
-    size_t outside, incomplete, infinite;
-} counts;
-
-static void put_rows(lg_columns *to, const lg_table_file *file, const lg_model *model,
-                     const lg_table_sheet *table, counts *found) {
-    APP_FREE void *work = app_alloc(lg_model_work_size(model), 1);
-    APP_FREE double *y = app_alloc(lg_model_outputs(model), sizeof *y);
-    put_header(to, file);
     for (size_t i = 0; i < table->data.rows; i++) {
         const double *x = lg_table_sheet_row(table, i);
         bool complete = true, finite = false;
         for (uint32_t c = 0; c < table->inputs; c++) complete = complete && !isnan(x[c]);
         if (complete) lg_model_eval(model, x, y, work);
-        if (complete) finite = lg_table_are_finite(y, file->run.model.net.outputs);
+        if (complete) finite = lg_table_are_finite(y, outputs);
         found->incomplete += !complete;
         found->infinite += complete && !finite;
         found->outside += complete && lg_table_is_outside(file, x);
-        put_row(to, file, y, finite);
+        if (finite && !regression) lg_table_softmax(y, outputs);
+        if (finite && !regression)
+            lg_columns_text(to, file->output_name[lg_metrics_class(y, outputs)]);
+        else if (!regression)
+            lg_columns_empty(to);
+        for (uint32_t o = 0; o < outputs; o++) lg_columns_number(to, finite ? y[o] : (double)NAN);
+        lg_columns_end(to);
     }
 }
 
@@ -159,13 +149,6 @@ static void write_rows(const app *self, const lg_table_file *file, const lg_tabl
                       lg_columns_write(&to, self->context, app_common_given.out, &error));
     lg_text_destroy(&to.text);
     lg_model_destroy(model);
-}
-
-static void report_rows(const app *self, size_t rows, const counts *found) {
-    app_json *out = self->out;
-    APP_PUT(out, APP_TEXT("out", app_common_given.out, NULL), APP_WHOLE("rows", rows, NULL),
-            APP_WHOLE("incomplete", found->incomplete, "rows that lack an input"),
-            APP_WHOLE("outside", found->outside, "rows beyond the training range"));
 }
 
 static void run_predict(app *self) {
@@ -186,7 +169,10 @@ static void run_predict(app *self) {
                  found.incomplete, rows);
     lg_table_warn_outside(self->context, found.outside, rows, path, model);
     const bool failed = lg_table_warn_infinite(self->context, found.infinite, rows, path);
-    if (app_common_given.out != NULL) report_rows(self, rows, &found);
+    if (app_common_given.out != NULL)
+        APP_PUT(self->out, APP_TEXT("out", app_common_given.out, NULL), APP_WHOLE("rows", rows, NULL),
+                APP_WHOLE("incomplete", found.incomplete, "rows that lack an input"),
+                APP_WHOLE("outside", found.outside, "rows beyond the training range"));
     if (failed) self->code = APP_EXIT_NUMERIC;
     lg_recipe_release(&lg_recipe_table, &file);
 }

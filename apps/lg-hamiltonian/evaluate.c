@@ -58,25 +58,6 @@ static int check_finite(const app *self, const lg_trajectories *test, const verd
     return APP_EXIT_OK;
 }
 
-static void warn_of_data(const app *self, const lg_hamiltonian_run *run, const lg_trajectories *test) {
-    const char *const *path = self->arguments;
-    if (run->system[0] != '\0' && test->system[0] != '\0' && strcmp(run->system, test->system) != 0)
-        app_warn(self, "%s was trained on %s, but %s holds %s", path[0], run->system, path[1], test->system);
-    if (values.record && strcmp(run->data_sha256, test->sha256) == 0)
-        app_warn(self, "--record: %s holds the data that %s was trained on", path[1], path[0]);
-}
-
-static void check_shape(const app *self, const lg_hamiltonian *model, const lg_trajectories *test) {
-    const bool other = model->family != test->family;
-    if (other || model->n != test->n)
-        app_stop(self, LG_SHAPE, "%s: a state has %u numbers, but a state of the model %s has %u%s",
-                 self->arguments[1], test->state_dim, self->arguments[0], lg_hamiltonian_state_dim(model),
-                 other ? " in another layout" : "");
-    if (values.relative && test->truth == NULL)
-        app_stop(self, LG_FORMAT, "%s: --metric relative needs the parameters of the system, /parameters",
-                 self->arguments[1]);
-}
-
 /* Writes a finite verdict and a description of the test set into the model file. */
 static lg_status record(const app *self, lg_hamiltonian_file *file, const lg_trajectories *test,
                         const verdict *result, lg_error *error) {
@@ -91,7 +72,14 @@ static lg_status record(const app *self, lg_hamiltonian_file *file, const lg_tra
 static int evaluate(const app *self, lg_hamiltonian_file *file, const lg_trajectories *test) {
     verdict result;
     const lg_hamiltonian *model = &file->run.model;
-    check_shape(self, model, test);
+    const bool other = model->family != test->family;
+    if (other || model->n != test->n)
+        app_stop(self, LG_SHAPE, "%s: a state has %u numbers, but a state of the model %s has %u%s",
+                 self->arguments[1], test->state_dim, self->arguments[0], lg_hamiltonian_state_dim(model),
+                 other ? " in another layout" : "");
+    if (values.relative && test->truth == NULL)
+        app_stop(self, LG_FORMAT, "%s: --metric relative needs the parameters of the system, /parameters",
+                 self->arguments[1]);
     const double tolerance = flow_given.tolerance > 0 ? flow_given.tolerance : default_tolerance(model);
     const double begin = app_seconds();
     APP_FREE double *predicted = app_alloc(test->count * test->points * test->state_dim, sizeof *predicted);
@@ -135,7 +123,10 @@ static void run(app *self) {
     if (file.constraint != NULL) reading.constraint = lg_constraint_program(file.constraint);
     APP_FILE(self, data, lg_trajectories_read, &reading, &test);
     lg_warn_of_inputs(self->context, data, &test);
-    warn_of_data(self, &file.run, &test);
+    if (file.run.system[0] != '\0' && test.system[0] != '\0' && strcmp(file.run.system, test.system) != 0)
+        app_warn(self, "%s was trained on %s, but %s holds %s", model, file.run.system, data, test.system);
+    if (values.record && strcmp(file.run.data_sha256, test.sha256) == 0)
+        app_warn(self, "--record: %s holds the data that %s was trained on", data, model);
     self->code = evaluate(self, &file, &test);
     lg_recipe_release(&lg_recipe_hamiltonian, &file);
 }

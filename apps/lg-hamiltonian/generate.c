@@ -37,17 +37,6 @@ static const lg_field generate_options[] = {
 
 static generate_values values = {.points = 5};
 
-static void report(const app *self, const lg_trajectories *data, double seconds) {
-    app_json *out = self->out;
-    APP_PUT(out, APP_TEXT("system", data->system, NULL), LG_AS_WHOLE("links", data->n),
-            APP_WHOLE("trajectories", data->count, NULL), APP_WHOLE("points", data->points, "of each"),
-            APP_WHOLE("state_size", data->state_dim, "numbers of a point"), APP_REAL("dt", data->dt, NULL));
-    const lg_field *noise = lg_field_find(generate_options, "noise"); /* noise_kind, noise_on follow */
-    for (const lg_field *row = noise; row < noise + 3; row++) app_json_field(out, row, &values);
-    APP_PUT(out, LG_AS_WHOLE("seed", self->seed), LG_AS_TEXT("sha256", data->sha256),
-            APP_TEXT("out", values.out, NULL), APP_REAL("seconds", seconds, NULL));
-}
-
 /* ---- trajectories of a scene ---- */
 
 lg_status scene_family(const lg_scene *scene, const lg_hamiltonian_family **family, uint32_t *n,
@@ -143,18 +132,16 @@ static bool make_all(const app *self, const lg_scene *scene, const lg_trajectory
     const size_t each = STARTS_OF_PIECE * how->segments,
                  point = data->points * data->state_dim * sizeof(double);
     generating what = {self, scene, how, data, each};
-    char label[LG_SHA256_TEXT];
     APP_FREE char *text = app_format(
         "%zu %zu %.17g %.17g %d %d %llu %zu %.17g", how->trajectories, how->points, how->t_end, how->noise,
         how->noise_first, (int)how->noise_kind, (unsigned long long)how->seed, how->segments, values.speed);
-    trials_label(self, text, self->arguments[0], label);
     made->count = (data->count + each - 1) / each;
     made->array_count = 2;
     made->arrays[0] = (trials_array){data->data, each * point, data->count * point};
     made->arrays[1] = (trials_array){data->hamiltonian, each * sizeof(double), data->count * sizeof(double)};
     made->run = make_piece;
     made->user = &what;
-    APP_MUST_FILE(self, values.out, trials_open(made, label, &error));
+    trials_begin(made, text, self->arguments[0]);
     return trials_run(made);
 }
 
@@ -218,8 +205,8 @@ static void run(app *self) {
     trials_work made = {
         .app = self, .values = &values.shared, .out = values.out, .noun = "pieces", .threads = self->threads};
     bool h5;
-    const app_path out = trials_choose(&made, "trajectories");
-    app_check_outputs(self, &out, 1);
+    const app_path path_out = trials_choose(&made, "trajectories");
+    app_check_outputs(self, &path_out, 1);
     APP_MUST_FILE(self, path, lg_file_is_h5(path, &h5, &error));
     const lg_trajectory_options how =
         h5 ? create_constrained(self, path, &data) : create(self, path, &scene, &data);
@@ -228,7 +215,14 @@ static void run(app *self) {
         data.provenance = app_provenance(self, self->seed);
         APP_FILE(self, values.out, lg_trajectories_write, &data);
         trials_end(&made);
-        report(self, &data, app_seconds() - begin);
+        app_json *out = self->out;
+        APP_PUT(out, APP_TEXT("system", data.system, NULL), LG_AS_WHOLE("links", data.n),
+                APP_WHOLE("trajectories", data.count, NULL), APP_WHOLE("points", data.points, "of each"),
+                APP_WHOLE("state_size", data.state_dim, "numbers of a point"), APP_REAL("dt", data.dt, NULL));
+        const lg_field *noise = lg_field_find(generate_options, "noise"); /* noise_kind, noise_on follow */
+        for (const lg_field *row = noise; row < noise + 3; row++) app_json_field(out, row, &values);
+        APP_PUT(out, LG_AS_WHOLE("seed", self->seed), LG_AS_TEXT("sha256", data.sha256),
+                APP_TEXT("out", values.out, NULL), APP_REAL("seconds", app_seconds() - begin, NULL));
     }
     if (scene.has_initial)
         app_warn(self,

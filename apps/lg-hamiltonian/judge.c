@@ -82,21 +82,6 @@ static double mean_square(const lg_trajectories *test, const double *predicted) 
     return sum / ((double)test->count * (double)test->points * (double)test->state_dim);
 }
 
-static lg_status find_failure(const judgement *self, lg_error *error) {
-    for (size_t i = 0; i < self->test->count; i++) {
-        if (self->status[i] == LG_TOO_MANY_STEPS)
-            return lg_fail(
-                error, LG_TOO_MANY_STEPS,
-                "the learned flow of test trajectory %zu needs more than %zu steps at tolerance %g: the "
-                "model is far from a flow of these data; train it longer, or give a larger --tolerance",
-                i, MOST_STEPS + MOST_STEPS_A_POINT * self->test->points, self->tolerance);
-        if (self->status[i] != LG_OK)
-            return lg_fail(error, self->status[i], "the learned flow of test trajectory %zu: %s", i,
-                           lg_status_sentence(self->status[i]));
-    }
-    return LG_OK;
-}
-
 lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonian *model, const double *theta,
                 const lg_trajectories *test, double tolerance, double *predicted, verdict *out,
                 lg_error *error) {
@@ -105,46 +90,45 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
     APP_FREE lg_status *status = app_alloc(test->count, sizeof *status);
     judgement work = {context, model, learned, test, tolerance, predicted, status, false};
     app_parallel(threads, test->count, judge_one, &work);
-    const lg_status failure = find_failure(&work, error);
-    if (failure == LG_OK)
+    size_t i = 0;
+    while (i < test->count && status[i] == LG_OK) i++;
+    if (i == test->count)
         *out = (verdict){.e1 = mean_square(test, predicted), .e2 = energy_error(learned, test)};
     lg_model_destroy(learned);
-    return failure;
+    if (i == test->count) return LG_OK;
+    if (status[i] == LG_TOO_MANY_STEPS)
+        return lg_fail(
+            error, LG_TOO_MANY_STEPS,
+            "the learned flow of test trajectory %zu needs more than %zu steps at tolerance %g: the "
+            "model is far from a flow of these data; train it longer, or give a larger --tolerance",
+            i, MOST_STEPS + MOST_STEPS_A_POINT * test->points, tolerance);
+    return lg_fail(error, status[i], "the learned flow of test trajectory %zu: %s", i,
+                   lg_status_sentence(status[i]));
 }
 
 /* ---- relative errors ---- */
 
-/* Logarithm of the geometric mean of the relative errors over the points of one trajectory. z has room for
- * what is observed of two states. */
-static lg_status mean_logarithm(const lg_trajectories *test, const double *given, const double *predicted,
-                                double *z, double *work, double *out) {
-    const size_t size = lg_system_observed(test->truth), d = test->state_dim;
-    double sum = 0;
-    for (size_t j = 0; j < test->points; j++) {
-        double difference = 0, total = 0;
-        LG_TRY(lg_system_observe(test->truth, given + j * d, z, work));
-        LG_TRY(lg_system_observe(test->truth, predicted + j * d, z + size, work));
-        for (size_t i = 0; i < size; i++) {
-            difference += (z[i] - z[size + i]) * (z[i] - z[size + i]);
-            total += (z[i] + z[size + i]) * (z[i] + z[size + i]);
-        }
-        sum += log(sqrt(difference / total) + RELATIVE_LEAST);
-    }
-    *out = sum / (double)test->points;
-    return LG_OK;
-}
-
 lg_status judge_relative(const lg_trajectories *test, const double *predicted, verdict *out,
                          lg_error *error) {
-    const size_t block = test->points * test->state_dim;
-    APP_FREE double *z = app_alloc(2 * lg_system_observed(test->truth), sizeof *z);
+    const size_t size = lg_system_observed(test->truth), d = test->state_dim;
+    APP_FREE double *z = app_alloc(2 * size, sizeof *z); /* what is observed of two states */
     APP_FREE double *work = app_alloc(lg_system_work_size(test->truth), 1);
-    double sum = 0, largest = -INFINITY, mean = 0;
+    double sum = 0, largest = -INFINITY;
     for (size_t i = 0; i < test->count; i++) {
-        const lg_status status =
-            mean_logarithm(test, test->data + i * block, predicted + i * block, z, work, &mean);
-        if (status != LG_OK)
-            return lg_fail(error, status, "test trajectory %zu: %s", i, lg_status_sentence(status));
+        double logarithms = 0;
+        for (size_t at = i * test->points; at < (i + 1) * test->points; at++) {
+            double difference = 0, total = 0;
+            lg_status status = lg_system_observe(test->truth, test->data + at * d, z, work);
+            if (status == LG_OK) status = lg_system_observe(test->truth, predicted + at * d, z + size, work);
+            if (status != LG_OK)
+                return lg_fail(error, status, "test trajectory %zu: %s", i, lg_status_sentence(status));
+            for (size_t k = 0; k < size; k++) {
+                difference += (z[k] - z[size + k]) * (z[k] - z[size + k]);
+                total += (z[k] + z[size + k]) * (z[k] + z[size + k]);
+            }
+            logarithms += log(sqrt(difference / total) + RELATIVE_LEAST);
+        }
+        const double mean = logarithms / (double)test->points;
         sum += mean;
         largest = fmax(largest, mean);
     }

@@ -44,9 +44,13 @@ static void check_constrained(const app *self, const lg_constraint *constraint, 
 
 /* A start from the command line may be off the manifold. Up to a distance of 1e-6 it is projected, with a
  * warning above 1e-14; a larger distance ends the command. */
-static void check_start(const app *self, prediction *p) {
+static void start_from_numbers(const app *self, prediction *p) {
     const lg_hamiltonian *model = &p->file->run.model;
     lg_space space;
+    if (flow_given.initial.count != p->dim)
+        app_stop_usage(self, "--initial: %zu numbers, but the model's state has %zu",
+                       flow_given.initial.count, p->dim);
+    memcpy(p->start, flow_given.initial.values, p->dim * sizeof *p->start);
     if (model->constraint != NULL) {
         check_constrained(self, model->constraint, p);
         return;
@@ -59,14 +63,6 @@ static void check_start(const app *self, prediction *p) {
                        distance);
     warn_of_projection(self, distance);
     if (distance > 1e-14) lg_space_project(&space, p->start);
-}
-
-static void start_from_numbers(const app *self, prediction *p) {
-    if (flow_given.initial.count != p->dim)
-        app_stop_usage(self, "--initial: %zu numbers, but the model's state has %zu",
-                       flow_given.initial.count, p->dim);
-    memcpy(p->start, flow_given.initial.values, p->dim * sizeof *p->start);
-    check_start(self, p);
 }
 
 static void start_from_scene(const app *self, prediction *p) {
@@ -117,38 +113,19 @@ static void integrate(const app *self, prediction *p) {
     if (status != LG_OK) app_stop(self, status, "the true flow: %s", why.message);
 }
 
-static double largest_difference(const prediction *p) {
-    if (p->truth == NULL) return NAN;
-    double largest = 0;
-    for (size_t i = 0; i < p->y.points * p->dim; i++)
-        largest = fmax(largest, fabs(p->y.data[i] - p->truth[i]));
-    return largest;
-}
-
-static double energy_drift(const prediction *p) {
-    double drift = 0;
-    for (size_t i = 0; i < p->y.points; i++) drift = fmax(drift, fabs(p->energy[i] - p->energy[0]));
-    return drift;
-}
-
 static void report(const app *self, const prediction *p) {
     app_json *out = self->out;
+    double drift = 0, largest = p->truth != NULL ? 0 : NAN;
+    for (size_t i = 0; i < p->y.points; i++) drift = fmax(drift, fabs(p->energy[i] - p->energy[0]));
+    for (size_t i = 0; p->truth != NULL && i < p->y.points * p->dim; i++)
+        largest = fmax(largest, fabs(p->y.data[i] - p->truth[i]));
     APP_PUT(out, APP_REAL("t", p->t_end, NULL),
             APP_REALS("y", p->y.data + (p->y.points - 1) * p->dim, p->dim, NULL),
             LG_AS_WHOLE("points", p->y.points), APP_WHOLE("steps", p->stats.steps, NULL),
             LG_AS_WHOLE("evaluations", p->stats.evaluations),
-            APP_REAL("energy_drift", energy_drift(p), "largest change of the learned energy"),
-            APP_REAL("max_error", largest_difference(p),
-                     "largest difference from the true flow, which a scene gives"),
+            APP_REAL("energy_drift", drift, "largest change of the learned energy"),
+            APP_REAL("max_error", largest, "largest difference from the true flow, which a scene gives"),
             LG_AS_TEXT("out", app_common_given.out), APP_REAL("seconds", p->seconds, NULL));
-}
-
-static void write_outputs(const app *self, prediction *p) {
-    p->y.provenance = app_provenance(self, self->seed);
-    if (app_common_given.out != NULL) APP_FILE(self, app_common_given.out, lg_trajectories_write, &p->y);
-    app_plot_draw(
-        self, 0,
-        &(drawn_flow){"The learned flow", &p->file->run.model, p->y.t, p->truth, p->y.data, 1, p->y.points});
 }
 
 static void prediction_destroy(prediction *p) {
@@ -173,7 +150,10 @@ static void run(app *self) {
         start_from_numbers(self, &p);
     p.t_end = flow_given.t_end > 0 ? flow_given.t_end : p.has_scene && p.scene.has_t_end ? p.scene.t_end : 1;
     integrate(self, &p);
-    write_outputs(self, &p);
+    p.y.provenance = app_provenance(self, self->seed);
+    if (app_common_given.out != NULL) APP_FILE(self, app_common_given.out, lg_trajectories_write, &p.y);
+    app_plot_draw(
+        self, 0, &(drawn_flow){"The learned flow", &file.run.model, p.y.t, p.truth, p.y.data, 1, p.y.points});
     report(self, &p);
     lg_recipe_release(&lg_recipe_hamiltonian, &file);
 }

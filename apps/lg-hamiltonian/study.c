@@ -194,12 +194,10 @@ static void study_end(study *self) {
 /* Reads the table and the results of other processes. */
 static void begin(study *self) {
     trials_work *work = &self->work;
-    char label[LG_SHA256_TEXT];
     work->count = study_runs(&self->table);
     APP_MUST_FILE(self->app, work->out, study_table_open(&self->table, work->out, &error));
     app_continue(work->out);
-    trials_label(self->app, self->table.protocol, self->app->arguments[0], label);
-    APP_MUST_FILE(self->app, work->out, trials_open(work, label, &error));
+    trials_begin(work, self->table.protocol, self->app->arguments[0]);
     for (size_t i = 0; i < work->count; i++) work->known[i] = work->known[i] || self->table.done[i];
 }
 

@@ -190,14 +190,6 @@ static void fit_windows(const app *self, adapting *a) {
     }
 }
 
-/* Whether the numbers have moved by more than chance explains in one of 200 cases: chi-squared by Wilson and
- * Hilferty. */
-static bool has_changed(const adapting *a) {
-    static const double normal = 2.576;
-    const double n = (double)a->to.count, part = 2 / (9 * n);
-    return a->found.change > n * pow(1 - part + normal * sqrt(part), 3);
-}
-
 /* ---- the judgement ---- */
 
 /* Root mean square errors of the free run of the rest; with `still` of a machine that stands still. */
@@ -286,16 +278,6 @@ static void report(const app *self, const adapting *a) {
     if (values.out != NULL) app_result_text(out, "out", values.out, NULL);
 }
 
-static void save(const app *self, const adapting *a) {
-    lg_machine_model_file file = a->given.file;
-    file.run = a->to.run;
-    file.parameters = file.run.machine.parameters;
-    file.theta = a->to.theta;
-    file.spread = NULL;
-    file.provenance = app_provenance(self, a->to.run.training.seed);
-    APP_FILE(self, values.out, lg_recipe_save, &lg_recipe_machine_model, &file, NULL);
-}
-
 static void run(app *self) {
     APP_CLEAN(adapting_destroy) adapting a = {.cut = 0};
     double force[LG_MACHINE_VELOCITIES] = {0};
@@ -311,7 +293,10 @@ static void run(app *self) {
     find_forces(self, &a, force);
     APP_DO(self, lg_adaptation_create, self->arguments[0], &a.given.file, values.numbers, force, &a.to);
     fit_windows(self, &a);
-    a.kept = !has_changed(&a);
+    /* More than chance explains in one of 200 cases: chi-squared by Wilson and Hilferty. */
+    const double n = (double)a.to.count, part = 2 / (9 * n),
+                 chance = n * pow(1 - part + 2.576 * sqrt(part), 3);
+    a.kept = !(a.found.change > chance);
     for (size_t k = 0; k < a.to.count && a.kept; k++) a.x[k] = 0;
     judge(self, &a, &a.given.model, false, a.before);
     judge(self, &a, &a.given.model, true, a.unchanged);
@@ -321,7 +306,13 @@ static void run(app *self) {
     a.model.theta = a.to.theta;
     judge(self, &a, &a.model, false, a.after);
     warn(self, &a);
-    if (values.out != NULL) save(self, &a);
+    lg_machine_model_file file = a.given.file;
+    file.run = a.to.run;
+    file.parameters = file.run.machine.parameters;
+    file.theta = a.to.theta;
+    file.spread = NULL;
+    file.provenance = app_provenance(self, a.to.run.training.seed);
+    if (values.out != NULL) APP_FILE(self, values.out, lg_recipe_save, &lg_recipe_machine_model, &file, NULL);
     report(self, &a);
 }
 

@@ -127,19 +127,6 @@ static void cut(const lg_machine *machine, const lg_machine_log *log, intervals 
     }
 }
 
-static void run_intervals(const app *self, const lg_learned_machine *model, intervals *all) {
-    enum { MOST = 8192 };
-    const size_t nq = model->machine->positions, nv = model->machine->velocities;
-    APP_FREE size_t *start = app_alloc(all->count, sizeof *start);
-    all->run_q = app_keep(3 * all->count * nq, sizeof *all->run_q);
-    all->run_v = app_keep(3 * all->count * nv, sizeof *all->run_v);
-    for (size_t i = 0; i < all->count; i++) start[i] = 2 * all->row[i];
-    for (size_t first = 0; first < all->count; first += MOST)
-        identify_run(self, model, &all->finer.log, start + first,
-                     all->count - first < MOST ? all->count - first : MOST, 2, all->run_q + 3 * first * nq,
-                     all->run_v + 3 * first * nv);
-}
-
 /* ---- energy ---- */
 
 static void add_interval(const double *energy, const double *power, double h, double *out) {
@@ -157,27 +144,15 @@ static void add_interval(const double *energy, const double *power, double h, do
     out[ENERGY_CHANGE_SIZE] += fabs(change);
 }
 
-/* Replaces the inputs u (points, inputs) by the lagged ones, at the start, the middle and the end of each
- * interval. */
-static void put_lagged(const app *self, const lg_learned_machine *model, const intervals *all, double *u) {
-    const lg_machine *machine = model->machine;
-    const size_t m = machine->input_count, n = machine->lags, points = 3 * all->count;
-    if (n == 0 || points == 0) return;
-    APP_FREE size_t *at = app_alloc(points, sizeof *at);
-    APP_FREE double *x = app_alloc(points * n, sizeof *x);
-    for (size_t i = 0; i < points; i++) at[i] = 2 * all->row[i / 3] + i % 3;
-    APP_DO(self, lg_machine_lagged_inputs, machine, model->theta, &all->finer.log, at, points, x);
-    for (size_t i = 0; i < points; i++)
-        for (size_t k = 0; k < n; k++) u[i * m + machine->lagged[k]] = x[i * n + k];
-}
-
 /* Takes energies at the logged states, and powers at the logged ends and at the middle of the model's run of
- * each interval; the logged states replace the ends of the runs. */
+ * each interval, with lagged inputs where they lag; the logged states replace the ends of the runs. */
 static void balance(const app *self, const lg_learned_machine *model, const lg_machine_log *log,
                     const intervals *all, double *out) {
     const lg_machine *machine = model->machine;
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count,
-                 points = 3 * all->count;
+                 n = machine->lags, points = 3 * all->count;
+    APP_FREE size_t *at = app_alloc(points, sizeof *at);
+    APP_FREE double *x = app_alloc(points * n, sizeof *x);
     APP_FREE double *u = app_alloc(points * m + 1, sizeof *u);
     APP_FREE double *energy = app_alloc(points, sizeof *energy);
     APP_FREE double *power = app_alloc(points * POWERS, sizeof *power);
@@ -194,7 +169,11 @@ static void balance(const app *self, const lg_learned_machine *model, const lg_m
             memcpy(all->run_v + (3 * i + 2 * k) * nv, log->v + (row + k) * nv, nv * sizeof *log->v);
         }
     }
-    put_lagged(self, model, all, u);
+    for (size_t i = 0; i < points; i++) at[i] = 2 * all->row[i / 3] + i % 3;
+    if (n > 0 && points > 0)
+        APP_DO(self, lg_machine_lagged_inputs, machine, model->theta, &all->finer.log, at, points, x);
+    for (size_t i = 0; i < points; i++)
+        for (size_t k = 0; k < n; k++) u[i * m + machine->lagged[k]] = x[i * n + k];
     ask(self, model, points, all->run_q, all->run_v, u, energy, power, NULL);
     for (size_t i = 0; i < all->count; i++)
         add_interval(energy + 3 * i, power + 3 * i * POWERS, log->t[all->row[i] + 1] - log->t[all->row[i]],
@@ -204,16 +183,6 @@ static void balance(const app *self, const lg_learned_machine *model, const lg_m
 /* ---- whiteness ---- */
 
 enum { LAGS = 10 };
-
-/* P(chi^2 with LAGS degrees of freedom > x), LAGS even. */
-static double chi_square_above(double x) {
-    double term = 1, sum = 1;
-    for (int k = 1; k < LAGS / 2; k++) {
-        term *= 0.5 * x / k;
-        sum += term;
-    }
-    return exp(-0.5 * x) * sum;
-}
 
 /* Tests the residuals x (n) of the intervals that begin at the rows `row`. Two residuals are correlated at a
  * lag only if their rows differ by exactly this lag. */
@@ -234,7 +203,10 @@ static void judge_whiteness(const double *x, const size_t *row, size_t n, identi
     }
     out->rms = sqrt(square);
     out->ljung_box = (double)n * ((double)n + 2) * statistic;
-    out->probability = chi_square_above(out->ljung_box);
+    /* P(chi^2 with LAGS degrees of freedom > the statistic), LAGS even */
+    double term = 1, terms = 1;
+    for (int k = 1; k < LAGS / 2; k++) terms += term *= 0.5 * out->ljung_box / k;
+    out->probability = exp(-0.5 * out->ljung_box) * terms;
 }
 
 /* Tests the predictions of `count` rows: q and v at the places at[i] against the log at row[i] + 1. */
@@ -267,13 +239,23 @@ void identify_run_whiteness(const identify_given *given, const identify_runs *ru
 
 void identify_balance(const app *self, const identify_given *given, double energy[IDENTIFY_ENERGIES],
                       identify_whiteness *whiteness) {
+    enum { MOST = 8192 };
+    const lg_machine *machine = given->model.machine;
+    const size_t nq = machine->positions, nv = machine->velocities;
     const lg_machine_log *log = &given->data.logs.log;
     intervals all = {.count = 0};
-    cut(given->model.machine, log, &all);
-    APP_FREE size_t *end = app_alloc(all.count, sizeof *end);
-    for (size_t i = 0; i < all.count; i++) end[i] = 3 * i + 2;
-    for (int k = 0; k < IDENTIFY_ENERGIES; k++) energy[k] = all.count > 0 ? 0 : NAN;
-    run_intervals(self, &given->model, &all);
+    cut(machine, log, &all);
+    const size_t count = all.count;
+    APP_FREE size_t *start = app_alloc(count, sizeof *start);
+    APP_FREE size_t *end = app_alloc(count, sizeof *end);
+    all.run_q = app_keep(3 * count * nq, sizeof *all.run_q);
+    all.run_v = app_keep(3 * count * nv, sizeof *all.run_v);
+    for (size_t i = 0; i < count; i++) start[i] = 2 * all.row[i], end[i] = 3 * i + 2;
+    for (int k = 0; k < IDENTIFY_ENERGIES; k++) energy[k] = count > 0 ? 0 : NAN;
+    for (size_t first = 0; first < count; first += MOST)
+        identify_run(self, &given->model, &all.finer.log, start + first,
+                     count - first < MOST ? count - first : MOST, 2, all.run_q + 3 * first * nq,
+                     all.run_v + 3 * first * nv);
     whiteness_of(&given->data, all.row, end, all.count, all.run_q, all.run_v, whiteness);
     balance(self, &given->model, log, &all, energy);
 }

@@ -10,34 +10,25 @@
 
 enum { MOST_SEEN = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS + 1 };
 
-/* Fills x with the features that an input may be a linear function of: positions, velocities (if
- * `velocities`), other inputs, 1. Returns their number. */
-static size_t fill_seen(const lg_machine *machine, const lg_machine_log *log, size_t row, bool velocities,
-                        uint32_t input, double *x) {
-    size_t n = 0;
-    const size_t m = machine->input_count;
-    for (size_t k = 0; k < machine->positions; k++) x[n++] = log->q[row * machine->positions + k];
-    for (size_t k = 0; k < machine->velocities && velocities; k++)
-        x[n++] = log->v[row * machine->velocities + k];
-    for (size_t k = 0; k < m; k++)
-        if (k != input) x[n++] = log->u[row * 4 * m + k];
-    x[n++] = 1;
-    return n;
-}
-
-/* Returns the standard deviation of the part of an input that the state and the other inputs do not explain,
- * relative to the input's standard deviation. NaN: the input is constant, or the rows do not determine the
- * part. */
+/* Returns the standard deviation of the part of an input that no linear function of positions, velocities (if
+ * `velocities`) and other inputs explains, relative to the input's standard deviation. NaN: the input is
+ * constant, or the rows do not determine the part. */
 static double own_part(const lg_machine *machine, const lg_machine_log *log, bool velocities,
                        uint32_t input) {
     APP_FREE double *matrix = app_alloc(MOST_SEEN * MOST_SEEN, sizeof *matrix);
     double right[MOST_SEEN] = {0}, x[MOST_SEEN], given[MOST_SEEN];
     double mean = 0, square = 0;
-    size_t n = 0, count = 0;
+    const size_t nq = machine->positions, nv = velocities ? machine->velocities : 0, m = machine->input_count;
+    const size_t n = nq + nv + m; /* the other inputs, and 1 */
+    size_t count = 0;
     for (size_t row = 0; row < log->rows; row++) {
         bool finite = true;
-        const double u = log->u[row * 4 * machine->input_count + input];
-        n = fill_seen(machine, log, row, velocities, input, x);
+        const double u = log->u[row * 4 * m + input];
+        memcpy(x, log->q + row * nq, nq * sizeof *x);
+        if (nv > 0) memcpy(x + nq, log->v + row * nv, nv * sizeof *x);
+        for (size_t k = 0, to = nq + nv; k < m; k++)
+            if (k != input) x[to++] = log->u[row * 4 * m + k];
+        x[n - 1] = 1;
         for (size_t i = 0; i < n; i++) finite = finite && isfinite(x[i]);
         if (!finite) continue;
         for (size_t i = 0; i < n; i++) {
@@ -55,12 +46,39 @@ static double own_part(const lg_machine *machine, const lg_machine_log *log, boo
     return solved ? sqrt(fmax(0, (square - explained) / variance)) : NAN;
 }
 
-static void warn_of_inputs(const app *self, const lg_machine_data *data) {
+/* Warns of positions that belong to velocities of other rows, of columns that stand still, of many gaps,
+ * which suggest that the times of the rows jitter, and of inputs that are functions of the rest. */
+static void warn(const app *self, const lg_machine_data *data) {
+    enum { OFTEN = 50 };
     static const double least = 1e-3;
-    const lg_machine *machine = &data->file.machine;
+    const lg_machine_file *file = &data->file;
+    const lg_machine *machine = &file->machine;
+    const lg_logs *logs = &data->logs;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++)
+        if (logs->lag[i] != 0)
+            app_warn(self,
+                     "%s: its positions are %d rows (%.3g s) %s than its velocities: with that shift the "
+                     "velocities explain all but %.2g of the motion, as logged all but %.2g; if the sensors "
+                     "have two clocks, or one has a delay, shift the columns before you learn from them",
+                     machine->coordinates[i].name, abs(logs->lag[i]), fabs(logs->lag[i] * logs->dt_median),
+                     logs->lag[i] < 0 ? "later" : "earlier", logs->left[i], logs->motion[i]);
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        const lg_standstill at = logs->stuck[i];
+        if (at.rows > 0)
+            app_warn(self,
+                     "column %s: stands at %.6g for %zu rows from %.6g s on while %s moves: if the sensor is "
+                     "stuck, leave these rows empty",
+                     file->columns[file->coordinates[i].place].name, at.value, at.rows, logs->log.t[at.row],
+                     file->columns[file->coordinates[i].velocity].name);
+    }
+    if (OFTEN * logs->gaps > logs->rows_read)
+        app_warn(self,
+                 "%zu of %zu steps are longer than %.4g s and count as gaps, which leave %zu parts: if the "
+                 "times of the rows jitter, set columns: {max_step: ...} to the longest step that is not a "
+                 "gap (the median is %.4g s)",
+                 logs->gaps, logs->rows_read, logs->max_step, logs->log.parts, logs->dt_median);
     for (uint32_t k = 0; k < machine->input_count; k++) {
-        const double part =
-            own_part(machine, &data->logs.log, data->file.measured == LG_MEASURED_VELOCITIES, k);
+        const double part = own_part(machine, &logs->log, file->measured == LG_MEASURED_VELOCITIES, k);
         if (part < least)
             app_warn(
                 self,
@@ -68,44 +86,6 @@ static void warn_of_inputs(const app *self, const lg_machine_data *data) {
                 "of it): feedback, or a copy; its effect cannot be told apart from damping and potential",
                 machine->inputs[k], part);
     }
-}
-
-/* ---- positions against velocities ---- */
-
-/* Warns if the positions of a coordinate belong to velocities of other rows. */
-static void warn_of_clocks(const app *self, const lg_machine_data *data) {
-    const int *lag = data->logs.lag;
-    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++)
-        if (lag[i] != 0)
-            app_warn(self,
-                     "%s: its positions are %d rows (%.3g s) %s than its velocities: with that shift the "
-                     "velocities explain all but %.2g of the motion, as logged all but %.2g; if the sensors "
-                     "have two clocks, or one has a delay, shift the columns before you learn from them",
-                     data->file.machine.coordinates[i].name, abs(lag[i]), fabs(lag[i] * data->logs.dt_median),
-                     lag[i] < 0 ? "later" : "earlier", data->logs.left[i], data->logs.motion[i]);
-}
-
-static void warn_of_stuck(const app *self, const lg_machine_data *data) {
-    for (uint32_t i = 0; i < data->file.machine.coordinate_count; i++) {
-        const lg_standstill at = data->logs.stuck[i];
-        if (at.rows > 0)
-            app_warn(self,
-                     "column %s: stands at %.6g for %zu rows from %.6g s on while %s moves: if the sensor is "
-                     "stuck, leave these rows empty",
-                     data->file.columns[data->file.coordinates[i].place].name, at.value, at.rows,
-                     data->logs.log.t[at.row], data->file.columns[data->file.coordinates[i].velocity].name);
-    }
-}
-
-/* Many gaps suggest that the times of the rows jitter. */
-static void warn_of_gaps(const app *self, const lg_logs *logs) {
-    enum { OFTEN = 50 };
-    if (OFTEN * logs->gaps > logs->rows_read)
-        app_warn(self,
-                 "%zu of %zu steps are longer than %.4g s and count as gaps, which leave %zu parts: if the "
-                 "times of the rows jitter, set columns: {max_step: ...} to the longest step that is not a "
-                 "gap (the median is %.4g s)",
-                 logs->gaps, logs->rows_read, logs->max_step, logs->log.parts, logs->dt_median);
 }
 
 /* ---- report ---- */
@@ -122,7 +102,7 @@ static void put_delays(app_json *out, const lg_machine *machine, const lg_logs *
     if (same)
         app_result_size(out, "delay", logs->delay[0], label);
     else
-        app_result_put(out, APP_REALS("delay", each, machine->input_count, label));
+        app_json_put(out, APP_REALS("delay", each, machine->input_count, label));
 }
 
 static void report(const app *self, const lg_machine_data *data) {
@@ -163,10 +143,7 @@ static void run(app *self) {
                                      .delay = -1,
                                      .clocks = true};
     identify_read(self, &from, &data);
-    warn_of_clocks(self, &data);
-    warn_of_stuck(self, &data);
-    warn_of_gaps(self, &data.logs);
-    warn_of_inputs(self, &data);
+    warn(self, &data);
     lg_machine_warn_of_gauge(self->context, &data.file.machine);
     app_plot_draw(self, 0,
                   &(identify_plot){"First run of the log", &data.file, &data.logs.log,

@@ -9,11 +9,6 @@ bool identify_is_state(const lg_log_column *column) {
     return column->role == LG_LOG_POSITION || column->role == LG_LOG_VELOCITY;
 }
 
-static bool is_angle(const lg_machine_file *file, uint32_t column) {
-    const lg_log_column *c = &file->columns[column];
-    return c->role == LG_LOG_POSITION && file->machine.coordinates[c->index].kind == LG_COORDINATE_ANGLE;
-}
-
 /* ---- attitudes ---- */
 
 /* The quaternion (w, x, y, z) of R. Its largest component is computed first, which avoids cancellation. */
@@ -47,33 +42,19 @@ static void put_attitude(const lg_log_coordinate *at, const double *position, co
     for (int i = 0; i < 4; i++) to[i] = dot < 0 ? -x[i] : x[i];
 }
 
-static void put_velocity(const lg_log_coordinate *at, const double *R, const double *v, double *columns) {
-    double *to = columns + at->velocity;
-    memcpy(to, v, at->velocities * sizeof *to);
-    if (at->space_frame) lg_so3_adjoint(R, v, to);
-}
-
 void identify_to_columns(const lg_machine_file *file, const double *q, const double *v, const double *before,
                          double *columns) {
     for (lg_machine_offsets of = {0}; lg_machine_next(&file->machine, &of);) {
         const lg_log_coordinate *at = &file->coordinates[of.index];
         memcpy(columns + at->place, q, at->places * sizeof *columns);
         if (at->attitudes > 0) put_attitude(at, q + at->places, before, columns);
-        if (at->velocities > 0) put_velocity(at, q + at->places, v, columns);
+        if (at->velocities > 0) memcpy(columns + at->velocity, v, at->velocities * sizeof *columns);
+        if (at->velocities > 0 && at->space_frame) lg_so3_adjoint(q + at->places, v, columns + at->velocity);
         q += of.positions, v += of.velocities;
     }
 }
 
 /* ---- runs as a log ---- */
-
-static void put_head(lg_columns *to, const lg_machine_file *file, bool bands) {
-    for (uint32_t c = 0; c < file->column_count; c++) lg_columns_name(to, file->columns[c].name);
-    for (uint32_t c = 0; c < file->column_count && bands; c++) {
-        APP_FREE char *name = app_format("%s.sd", file->columns[c].name);
-        if (identify_is_state(&file->columns[c])) lg_columns_name(to, name);
-    }
-    lg_columns_end(to);
-}
 
 /* run: NULL: it is a number. False: a state is not finite. */
 static bool put_row(lg_columns *to, const lg_machine_file *file, const double *columns, const char *run,
@@ -101,7 +82,12 @@ bool identify_write(const app *self, const char *path, const lg_machine_file *fi
     double columns[LG_LOG_COLUMNS] = {0};
     bool finite = true;
     *rows = 0;
-    put_head(&to, file, runs->bands != NULL);
+    for (uint32_t c = 0; c < file->column_count; c++) lg_columns_name(&to, file->columns[c].name);
+    for (uint32_t c = 0; c < file->column_count && runs->bands != NULL; c++) {
+        APP_FREE char *name = app_format("%s.sd", file->columns[c].name);
+        if (identify_is_state(&file->columns[c])) lg_columns_name(&to, name);
+    }
+    lg_columns_end(&to);
     for (size_t i = 0; i < runs->count; i++) {
         const size_t first = runs->start[i], part = lg_machine_log_part(log, first);
         const char *name = logs != NULL ? logs->run_names : NULL;
@@ -133,11 +119,11 @@ void identify_errors(const lg_machine_file *file, const double *q, const double 
     identify_to_columns(file, q, v, logged, predicted);
     for (uint32_t c = 0; c < file->column_count; c++) {
         const bool given = identify_is_state(&file->columns[c]) && !isnan(logged[c]);
+        const lg_log_column *column = &file->columns[c];
+        const bool angle = column->role == LG_LOG_POSITION &&
+                           file->machine.coordinates[column->index].kind == LG_COORDINATE_ANGLE;
         const double error = given ? predicted[c] - logged[c] : NAN;
-        out[c] = !given              ? error
-                 : !isfinite(error)  ? INFINITY
-                 : is_angle(file, c) ? lg_machine_wrap(error)
-                                     : error;
+        out[c] = given && !isfinite(error) ? INFINITY : given && angle ? lg_machine_wrap(error) : error;
     }
 }
 
@@ -157,13 +143,23 @@ void identify_column_errors(const identify_given *given, const identify_runs *ru
     for (uint32_t c = 0; c < file->column_count; c++) out[c] = lg_squares_root(&squares[c]);
 }
 
+void identify_put_errors(app_json *out, const lg_machine_file *file, const double *errors,
+                         const char *label) {
+    app_json_open(out, "free_run", '{');
+    for (uint32_t c = 0; c < file->column_count; c++)
+        if (identify_is_state(&file->columns[c]))
+            app_result_real(out, file->columns[c].name, errors[c], label);
+    app_json_close(out, '}');
+}
+
 /* ---- range of the training data ---- */
 
 /* One of the numbers of a range (positions, then velocities, then inputs). angle: it is an angle. used: the
- * model depends on it. */
+ * model depends on it. beyond: how far the value `at` is outside the range. */
 typedef struct number {
     char name[LG_LOG_NAME + 32];
     bool angle, used;
+    double beyond, at;
 } number;
 
 static void name_numbers(const lg_machine_file *file, number *out) {
@@ -210,20 +206,16 @@ static double outside(double x, double low, double high, bool angle) {
     return x < low ? low - x : x > high ? x - high : 0;
 }
 
-typedef struct extent {
-    double beyond[LG_MACHINE_RANGE], at[LG_MACHINE_RANGE];
-} extent;
-
 /* Looks at the first `count` values of each row of `values` (rows, stride). They belong to the numbers of the
  * range from `first` on. Records the value that is farthest outside. `values` may be NULL. */
-static void look(const lg_machine_range *range, const number *numbers, const double *values, size_t rows,
-                 size_t stride, size_t count, size_t first, extent *out) {
+static void look(const lg_machine_range *range, number *numbers, const double *values, size_t rows,
+                 size_t stride, size_t count, size_t first) {
     for (size_t at = 0; values != NULL && at < rows * count; at++) {
         const size_t i = first + at % count;
         const double value = values[at / count * stride + at % count];
         if (!numbers[i].used || !isfinite(value) || !(range->low[i] <= range->high[i])) continue;
         const double by = outside(value, range->low[i], range->high[i], numbers[i].angle);
-        if (by > out->beyond[i]) out->beyond[i] = by, out->at[i] = value;
+        if (by > numbers[i].beyond) numbers[i].beyond = by, numbers[i].at = value;
     }
 }
 
@@ -235,17 +227,16 @@ void identify_warn_range(const app *self, const identify_given *given, const ide
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count,
                  total = nq + nv + m;
     APP_FREE number *numbers = app_alloc(total, sizeof *numbers);
-    APP_FREE extent *found = app_alloc(1, sizeof *found);
     name_numbers(&given->data.file, numbers);
-    look(range, numbers, log->q, log->rows, nq, nq, 0, found);
-    look(range, numbers, runs != NULL ? runs->q : NULL, log->rows, nq, nq, 0, found);
-    look(range, numbers, log->v, log->rows, nv, nv, nq, found);
-    look(range, numbers, runs != NULL ? runs->v : NULL, log->rows, nv, nv, nq, found);
-    look(range, numbers, log->u, log->rows, 4 * m, m, nq + nv, found);
+    look(range, numbers, log->q, log->rows, nq, nq, 0);
+    look(range, numbers, runs != NULL ? runs->q : NULL, log->rows, nq, nq, 0);
+    look(range, numbers, log->v, log->rows, nv, nv, nq);
+    look(range, numbers, runs != NULL ? runs->v : NULL, log->rows, nv, nv, nq);
+    look(range, numbers, log->u, log->rows, 4 * m, m, nq + nv);
     for (size_t i = 0; i < total; i++) {
-        const double low = range->low[i], high = range->high[i];
-        if (!(found->beyond[i] > 0) || !(found->beyond[i] > tolerated * (high - low))) continue;
-        app_warn(self, "%s goes to %.4g, which is %.3g outside the training data (%.4g to %.4g)",
-                 numbers[i].name, found->at[i], found->beyond[i], low, high);
+        const double low = range->low[i], high = range->high[i], beyond = numbers[i].beyond;
+        if (beyond > 0 && beyond > tolerated * (high - low))
+            app_warn(self, "%s goes to %.4g, which is %.3g outside the training data (%.4g to %.4g)",
+                     numbers[i].name, numbers[i].at, beyond, low, high);
     }
 }

@@ -41,25 +41,23 @@ typedef struct verdict {
 
 /* ---- report ---- */
 
-static void put_errors(app_json *json, const double *errors, const char *suffix) {
-    char key[40];
+/* `key`: of an object with the errors; NULL: they are members of the open one. */
+static void put_errors(app_json *json, const char *key, const double *errors, const char *suffix) {
+    if (key != NULL) app_json_open(json, key, '{');
     for (int e = 0; e < LG_RUN_ERRORS; e++) {
-        (void)snprintf(key, sizeof key, "%s%s", lg_run_error_names[e], suffix);
-        app_json_real(json, key, errors[e]);
+        APP_FREE char *name = app_format("%s%s", lg_run_error_names[e], suffix);
+        app_json_real(json, name, errors[e]);
     }
+    if (key != NULL) app_json_close(json, '}');
 }
 
 static void put_horizon(app_json *json, const lg_horizon *h, const lg_horizon *linear) {
     app_json_open(json, NULL, '{');
     APP_PUT(json, LG_AS_REAL("seconds", h->seconds), LG_AS_WHOLE("starts", h->starts));
-    put_errors(json, h->pooled, "");
-    put_errors(json, h->median, "_median");
-    app_json_open(json, "unchanged", '{');
-    put_errors(json, h->unchanged, "");
-    app_json_close(json, '}');
-    app_json_open(json, "linear", '{');
-    put_errors(json, linear->pooled, "");
-    app_json_close(json, '}');
+    put_errors(json, NULL, h->pooled, "");
+    put_errors(json, NULL, h->median, "_median");
+    put_errors(json, "unchanged", h->unchanged, "");
+    put_errors(json, "linear", linear->pooled, "");
     app_json_close(json, '}');
 }
 
@@ -88,45 +86,23 @@ static void compare(app_json *out, const verdict *v) {
         for (int e = 0; e < LG_RUN_ERRORS; e++) {
             const double own = v->horizons[i].pooled[e], linear = v->linear[i].pooled[e],
                          rest = v->horizons[i].unchanged[e];
-            char text[192];
             if (!isfinite(own) || !isfinite(linear)) continue;
             if (rest < own && rest < linear)
-                (void)snprintf(
-                    text, sizeof text,
-                    "Runs of %g s, error of %s: a machine that stands still is better, %.3g against "
-                    "%.3g of the model and %.3g of the linear model",
-                    v->horizons[i].seconds, lg_run_error_names[e], rest, own, linear);
+                app_result_line(out,
+                                "Runs of %g s, error of %s: a machine that stands still is better, %.3g "
+                                "against %.3g of the model and %.3g of the linear model",
+                                v->horizons[i].seconds, lg_run_error_names[e], rest, own, linear);
             else
-                (void)snprintf(text, sizeof text,
-                               "Runs of %g s, error of %s: the %s is better, %.3g against %.3g of the %s",
-                               v->horizons[i].seconds, lg_run_error_names[e],
-                               own < linear ? "model" : "linear model", fmin(own, linear), fmax(own, linear),
-                               own < linear ? "linear model" : "model");
-            app_result_line(out, "%s", text);
+                app_result_line(
+                    out, "Runs of %g s, error of %s: the %s is better, %.3g against %.3g of the %s",
+                    v->horizons[i].seconds, lg_run_error_names[e], own < linear ? "model" : "linear model",
+                    fmin(own, linear), fmax(own, linear), own < linear ? "linear model" : "model");
             break;
         }
 }
 
-/* Writes {coordinate: the constant force that its free run integrates}. */
-static void put_offsets(app_json *out, const lg_machine *machine, const verdict *v) {
-    if (out->people) return;
-    app_json_open(out, "integrates", '{');
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const identify_offset *o = &v->offsets[i];
-        if (!o->integrates) continue;
-        APP_OBJECT(out, machine->coordinates[i].name, LG_AS_REAL("force", o->force),
-                   LG_AS_REAL("without", o->without), LG_AS_REAL("with", o->with));
-    }
-    app_json_close(out, '}');
-}
-
 static void put_columns(app_json *out, const lg_machine_file *file, const verdict *v) {
-    app_json_open(out, "free_run", '{');
-    for (uint32_t c = 0; c < file->column_count; c++)
-        if (identify_is_state(&file->columns[c]))
-            app_result_real(out, file->columns[c].name, v->free_run[c],
-                            "free run to the end of each part, root mean square");
-    app_json_close(out, '}');
+    identify_put_errors(out, file, v->free_run, "free run to the end of each part, root mean square");
     app_result_named(out, "whiteness", "residual of");
     for (uint32_t c = 0; c < file->column_count; c++) {
         const identify_whiteness *w = &v->whiteness[c];
@@ -160,7 +136,15 @@ static void report(const app *self, const identify_given *given, const verdict *
     if (out->people) show_horizons(out, v);
     if (out->people) compare(out, v);
     put_columns(out, file, v);
-    put_offsets(out, &file->machine, v);
+    app_json_open(out, "integrates",
+                  '{'); /* the constant force that the free run of a coordinate integrates */
+    for (uint32_t i = 0; i < file->machine.coordinate_count; i++) {
+        const identify_offset *o = &v->offsets[i];
+        if (!o->integrates) continue;
+        APP_OBJECT(out, file->machine.coordinates[i].name, LG_AS_REAL("force", o->force),
+                   LG_AS_REAL("without", o->without), LG_AS_REAL("with", o->with));
+    }
+    app_json_close(out, '}');
     app_json_open(out, "energy", '{');
     for (int k = 0; k < IDENTIFY_ENERGIES; k++)
         app_result_known(out, energy_names[k], v->energy[k], energy_words[k]);
@@ -181,38 +165,12 @@ typedef struct linear_model {
     double A[LG_MACHINE_VELOCITIES * FEATURES]; /* (velocities, features) */
 } linear_model;
 
-static void input_at(const lg_machine *machine, const lg_machine_log *log, size_t row, double s,
-                     double *out) {
-    const size_t m = machine->input_count;
-    for (size_t k = 0; k < m; k++) {
-        const double *u = log->u + row * 4 * m + k;
-        out[k] = u[0] + s * (u[m] + s * (u[2 * m] + s * u[3 * m]));
-    }
-}
-
-static void fill(const lg_machine *machine, const double *q, const double *v, const double *u, double *x) {
-    memcpy(x, q, machine->positions * sizeof *x);
-    memcpy(x + machine->positions, v, machine->velocities * sizeof *x);
-    x += machine->positions + machine->velocities;
-    if (machine->input_count > 0) memcpy(x, u, machine->input_count * sizeof *x);
-    x[machine->input_count] = 1;
-}
-
-static void fit_linear(const app *self, const lg_machine *machine, const lg_machine_log *log,
-                       linear_model *linear) {
-    double left;
-    *linear = (linear_model){.machine = machine,
-                             .features = machine->positions + machine->velocities + machine->input_count + 1};
-    for (size_t i = 0; i < LG_COUNT(linear->A); i++) linear->A[i] = NAN;
-    APP_DO(self, lg_machine_unexplained, machine, log, linear->A, &left);
-}
-
-static void slope(const linear_model *linear, const double *q, const double *v, const double *u, double *dq,
-                  double *dv) {
+/* Derivatives d of the positions and velocities at the features x. */
+static void slope(const linear_model *linear, const double *x, double *d) {
     const lg_machine *machine = linear->machine;
     const size_t nv = machine->velocities;
-    double x[FEATURES];
-    fill(machine, q, v, u, x);
+    const double *q = x, *v = x + machine->positions;
+    double *dq = d, *dv = d + machine->positions;
     for (size_t k = 0; k < nv; k++) dv[k] = 0;
     for (size_t i = 0; i < linear->features; i++)
         for (size_t k = 0; k < nv; k++) dv[k] += linear->A[k * linear->features + i] * x[i];
@@ -225,32 +183,31 @@ static void slope(const linear_model *linear, const double *q, const double *v, 
     }
 }
 
-static void project(const lg_machine *machine, double *q) {
-    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
-        double *own = q + at.position;
-        if (at.rotations > 0) lg_so3_project(own + at.places);
-        const double norm = at.directions > 0 ? sqrt(lg_dot3(own, own)) : 1;
-        for (int k = 0; k < 3 && at.directions > 0; k++) own[k] /= norm;
-    }
-}
-
-/* Makes one RK4 step from q, v over the interval that begins at `row`. */
+/* Makes one RK4 step from q, v over the interval that begins at `row`, and projects the positions. */
 static void advance(const linear_model *linear, const lg_machine_log *log, size_t row, double *q, double *v) {
     static const double at[4] = {0, 0.5, 0.5, 1}, weight[4] = {1 / 6.0, 1 / 3.0, 1 / 3.0, 1 / 6.0};
     const lg_machine *machine = linear->machine;
-    const size_t nq = machine->positions, nv = machine->velocities;
+    const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
     const double h = log->t[row + 1] - log->t[row];
-    double sum[FEATURES] = {0}, d[FEATURES] = {0}, y[FEATURES], u[LG_MACHINE_INPUTS];
+    double sum[FEATURES] = {0}, d[FEATURES] = {0}, x[FEATURES];
     for (int stage = 0; stage < 4; stage++) {
-        for (size_t k = 0; k < nq; k++) y[k] = q[k] + h * at[stage] * d[k];
-        for (size_t k = 0; k < nv; k++) y[nq + k] = v[k] + h * at[stage] * d[nq + k];
-        if (machine->input_count > 0) input_at(machine, log, row, at[stage], u);
-        slope(linear, y, y + nq, u, d, d + nq);
+        const double *u = log->u + row * 4 * m, s = at[stage];
+        for (size_t k = 0; k < nq; k++) x[k] = q[k] + h * s * d[k];
+        for (size_t k = 0; k < nv; k++) x[nq + k] = v[k] + h * s * d[nq + k];
+        for (size_t k = 0; k < m; k++, u++)
+            x[nq + nv + k] = u[0] + s * (u[m] + s * (u[2 * m] + s * u[3 * m]));
+        x[nq + nv + m] = 1;
+        slope(linear, x, d);
         for (size_t k = 0; k < nq + nv; k++) sum[k] += h * weight[stage] * d[k];
     }
     for (size_t k = 0; k < nq; k++) q[k] += sum[k];
     for (size_t k = 0; k < nv; k++) v[k] += sum[nq + k];
-    project(machine, q);
+    for (lg_machine_offsets of = {0}; lg_machine_next(machine, &of);) {
+        double *own = q + of.position;
+        if (of.rotations > 0) lg_so3_project(own + of.places);
+        const double norm = of.directions > 0 ? sqrt(lg_dot3(own, own)) : 1;
+        for (int k = 0; k < 3 && of.directions > 0; k++) own[k] /= norm;
+    }
 }
 
 static lg_status run_linear(const void *user, const lg_machine_log *log, const size_t *start, size_t count,
@@ -271,28 +228,21 @@ static lg_status run_linear(const void *user, const lg_machine_log *log, const s
 
 /* ---- judging ---- */
 
-/* Warns if the model predicts no better than a simple guess: it has not learned the machine then. */
-static void warn_of_horizon(const app *self, const lg_horizon *h, const lg_horizon *linear) {
-    const struct {
-        const char *name;
-        const double *errors;
-    } guesses[] = {{"a machine that stands still", h->unchanged}, {"a linear model", linear->pooled}};
-    for (size_t g = 0; g < LG_COUNT(guesses); g++)
-        for (int e = 0; e < LG_RUN_ERRORS; e++)
-            if (h->pooled[e] >= guesses[g].errors[e])
-                app_warn(self, "at %g s the model's error of %s, %.3g, is no better than the %.3g of %s",
-                         h->seconds, lg_run_error_names[e], h->pooled[e], guesses[g].errors[e],
-                         guesses[g].name);
-}
-
-/* Warns once, for the shortest horizon that was judged. */
+/* Warns if at the shortest horizon that was judged the model predicts no better than a simple guess: it has
+ * not learned the machine then. */
 static void warn_of_horizons(const app *self, const verdict *v) {
-    size_t best = v->horizon_count;
-    for (size_t i = 0; i < v->horizon_count; i++)
-        if (v->horizons[i].starts > 0 &&
-            (best == v->horizon_count || v->horizons[i].seconds < v->horizons[best].seconds))
-            best = i;
-    if (best < v->horizon_count) warn_of_horizon(self, &v->horizons[best], &v->linear[best]);
+    const lg_horizon *h = NULL;
+    for (const lg_horizon *at = v->horizons; at < v->horizons + v->horizon_count; at++)
+        if (at->starts > 0 && (h == NULL || at->seconds < h->seconds)) h = at;
+    for (int i = 0; i < 2 * LG_RUN_ERRORS && h != NULL; i++) {
+        const bool still = i < LG_RUN_ERRORS;
+        const int e = i % LG_RUN_ERRORS;
+        const double error = still ? h->unchanged[e] : v->linear[h - v->horizons].pooled[e];
+        if (h->pooled[e] >= error)
+            app_warn(self, "at %g s the model's error of %s, %.3g, is no better than the %.3g of %s",
+                     h->seconds, lg_run_error_names[e], h->pooled[e], error,
+                     still ? "a machine that stands still" : "a linear model");
+    }
 }
 
 /* The errors of the linear model, NaN where accelerations alone are measured: it would have no states. */
@@ -311,16 +261,19 @@ static void judge_linear(const app *self, const identify_given *given, linear_mo
 static void judge_horizons(const app *self, const identify_given *given, verdict *out) {
     static const double usual[] = {1, 2, 5};
     const lg_learned_machine *model = &given->model;
+    const lg_machine *m = model->machine;
     const lg_machine_log *log = &given->data.logs.log;
     lg_machine_log simple = *log;
     APP_FREE double *slopes = NULL;
     APP_CLEAN(lg_started_log_destroy) lg_started_log states = {.log = *log};
     if (model->start_rows > 0) {
-        simple.v = slopes = identify_slopes(model->machine, log);
+        simple.v = slopes = identify_slopes(m, log);
         APP_MUST(self, lg_machine_states(model, log, values.every, &states, &error));
     }
-    linear_model linear;
-    fit_linear(self, model->machine, &simple, &linear);
+    linear_model linear = {.machine = m, .features = m->positions + m->velocities + m->input_count + 1};
+    double left;
+    for (size_t i = 0; i < LG_COUNT(linear.A); i++) linear.A[i] = NAN;
+    APP_DO(self, lg_machine_unexplained, m, &simple, linear.A, &left);
     out->horizon_count = values.horizons.count > 0 ? values.horizons.count : LG_COUNT(usual);
     for (size_t i = 0; i < out->horizon_count; i++) {
         const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];
@@ -361,18 +314,14 @@ static void judge_relative(const lg_machine *machine, const lg_machine_log *data
     out->relative_worst = count > 0 ? exp(worst) : NAN;
 }
 
-static void warn_of_runs(const app *self, const lg_machine_file *file, const verdict *v) {
-    for (uint32_t c = 0; c < file->column_count; c++) {
-        if (!identify_is_state(&file->columns[c]) || !isinf(v->free_run[c])) continue;
-        app_warn(self, "the free run is not finite: the model leaves the range of its training data, or "
-                       "needs more --substeps");
-        return;
-    }
-}
-
-static void warn_of_offsets(const app *self, const lg_machine *machine, const verdict *v) {
+/* What needs logged states: constant forces that runs integrate, and the balance of energy. */
+static void judge_states(const app *self, const identify_given *given, verdict *out) {
+    const lg_machine *machine = given->model.machine;
+    for (int k = 0; k < IDENTIFY_ENERGIES; k++) out->energy[k] = NAN;
+    if (machine->accelerations) return;
+    identify_find_offsets(self, given, &out->runs, out->offsets);
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const identify_offset *o = &v->offsets[i];
+        const identify_offset *o = &out->offsets[i];
         if (!o->integrates) continue;
         app_warn(
             self,
@@ -381,37 +330,27 @@ static void warn_of_offsets(const app *self, const lg_machine *machine, const ve
             "horizons, or fit the force to the beginning of this log: lg-identify adapt",
             o->force, machine->coordinates[i].name, o->without, o->with);
     }
-}
-
-/* Residuals of single steps may look white even if the free run is not finite. Then the probability is set to
- * 0. */
-static void deny_whiteness(const lg_machine_file *file, verdict *v) {
-    for (uint32_t c = 0; c < file->column_count; c++)
-        if (isinf(v->free_run[c])) v->whiteness[c].probability = 0;
-}
-
-/* What needs logged states: constant forces that runs integrate, and the balance of energy. */
-static void judge_states(const app *self, const identify_given *given, verdict *out) {
-    for (int k = 0; k < IDENTIFY_ENERGIES; k++) out->energy[k] = NAN;
-    if (given->model.machine->accelerations) return;
-    identify_find_offsets(self, given, &out->runs, out->offsets);
-    warn_of_offsets(self, given->model.machine, out);
     identify_balance(self, given, out->energy, out->whiteness);
 }
 
 static void judge_run(const app *self, const identify_given *given, verdict *out) {
     const lg_learned_machine *model = &given->model;
-    const lg_machine_file *file = &given->data.file;
     const lg_machine_log *log = &given->data.logs.log;
     out->runs = identify_runs_begin(model, log, 0);
     identify_run_log(self, model, log, &out->runs);
     if (values.relative) judge_relative(model->machine, log, out);
     identify_leave_out(model, log, &out->runs);
     identify_column_errors(given, &out->runs, out->free_run);
-    warn_of_runs(self, file, out);
+    bool finite = true;
+    for (uint32_t c = 0; c < given->data.file.column_count; c++) finite = finite && !isinf(out->free_run[c]);
+    if (!finite)
+        app_warn(self, "the free run is not finite: the model leaves the range of its training data, or "
+                       "needs more --substeps");
     judge_states(self, given, out);
     if (model->start_rows > 0) identify_run_whiteness(given, &out->runs, out->whiteness);
-    deny_whiteness(file, out);
+    /* Residuals of single steps may look white even if the free run is not finite. */
+    for (uint32_t c = 0; c < given->data.file.column_count; c++)
+        if (isinf(out->free_run[c])) out->whiteness[c].probability = 0;
 }
 
 /* ---- the plot ---- */

@@ -15,6 +15,8 @@ typedef struct generate_values {
     uint64_t runs;
 } generate_values;
 
+static const double MOST_ROWS = 1e9;
+
 static const lg_field options[] = {
     APP_OUT(generate_values, "LOG.csv", "Write the log", .required = true, .file = LG_FILE_TEXT),
     LG_OPTION(
@@ -56,16 +58,11 @@ typedef struct making {
 
 /* ---- inputs ---- */
 
-static double amplitude_of(size_t input) {
-    const size_t n = values.amplitude.count;
-    return n == 0 ? 1 : values.amplitude.values[n == 1 ? 0 : input];
-}
-
-static void multisine(const making *m, lg_rng *rng, size_t input, double *out) {
+static void multisine(const making *m, lg_rng *rng, double amplitude, double *out) {
     enum { SINES = 8 };
     const size_t inputs = m->file.machine.input_count;
     const double highest = values.after_colon > 0 ? values.after_colon : 1 / (25 * values.dt),
-                 each = amplitude_of(input) / 2 * sqrt(2.0 / SINES);
+                 each = amplitude / 2 * sqrt(2.0 / SINES);
     for (int s = 0; s < SINES; s++) {
         const double rate = 6.283185307179586 * lg_rng_uniform_in(rng, 0.05, 1) * highest,
                      phase = lg_rng_uniform_in(rng, 0, 6.283185307179586);
@@ -74,21 +71,20 @@ static void multisine(const making *m, lg_rng *rng, size_t input, double *out) {
     }
 }
 
-static void steps(const making *m, lg_rng *rng, size_t input, double *out) {
+static void steps(const making *m, lg_rng *rng, double amplitude, double *out) {
     const size_t inputs = m->file.machine.input_count;
-    const double seconds = values.after_colon > 0 ? values.after_colon : 25 * values.dt,
-                 a = amplitude_of(input);
+    const double seconds = values.after_colon > 0 ? values.after_colon : 25 * values.dt;
     const size_t each = (size_t)fmax(1, round(seconds / values.dt));
     double level = 0;
     for (size_t row = 0; row < m->rows + m->delay; row++) {
-        if (row % each == 0) level = lg_rng_uniform_in(rng, -a, a);
+        if (row % each == 0) level = lg_rng_uniform_in(rng, -amplitude, amplitude);
         out[row * inputs] = level;
     }
 }
 
 static const struct {
     const char *name;
-    void (*fill)(const making *m, lg_rng *rng, size_t input, double *out);
+    void (*fill)(const making *m, lg_rng *rng, double amplitude, double *out);
 } forms[] = {{"multisine", multisine}, {"steps", steps}, {"none", NULL}};
 
 /* Finds the form of --excitation and reads the number after the colon. Returns LG_COUNT(forms) if the value
@@ -130,9 +126,12 @@ static void read_inputs(const app *self, making *m) {
     if (m->inputs_end < f->rows)
         app_warn(self, "%s: %s %zu: the time does not increase: only the rows before it are used", f->shown,
                  f->place, f->line[m->inputs_end]);
-    const double length = m->inputs_end > 0 ? t[(m->inputs_end - 1) * f->width] - t[0] : 0;
+    if (m->inputs_end < 2)
+        app_stop(self, LG_FORMAT, "%s: inputs need two rows or more whose time rises, but there are %zu",
+                 path, m->inputs_end);
+    const double length = t[(m->inputs_end - 1) * f->width] - t[0];
     if (!app_given(self, "t-end")) m->t_end = length;
-    if (m->t_end > length * (1 + 1e-9) + values.dt || m->inputs_end == 0)
+    if (m->t_end > length * (1 + 1e-9) + values.dt)
         app_stop(self, LG_FORMAT,
                  "%s: its times rise for %.4g s, but a run takes %.4g s: give a smaller --t-end", path,
                  length, m->t_end);
@@ -161,18 +160,19 @@ static void take_inputs(const making *m, size_t run) {
 }
 
 static void fill_inputs(const app *self, making *m) {
-    const size_t inputs = m->file.machine.input_count, all = m->rows + m->delay, form = find_form();
+    const size_t inputs = m->file.machine.input_count, all = m->rows + m->delay, form = find_form(),
+                 n = values.amplitude.count;
     for (size_t run = 0; run < m->runs; run++) {
         lg_rng rng;
         lg_rng_seed(&rng, self->seed, 2 * run + 1);
         if (form == LG_COUNT(forms)) take_inputs(m, run);
         for (size_t k = 0; k < inputs && form < LG_COUNT(forms) && forms[form].fill != NULL; k++)
-            forms[form].fill(m, &rng, k, m->given + run * all * inputs + k);
+            forms[form].fill(m, &rng, n == 0 ? 1 : values.amplitude.values[n == 1 ? 0 : k],
+                             m->given + run * all * inputs + k);
     }
 }
 
-/* ---- inputs between rows ---- */
-
+/* The inputs between rows, too. */
 static void fill_log(making *m) {
     APP_FREE double *work = app_alloc(3 * m->rows, sizeof *work);
     const size_t inputs = m->file.machine.input_count;
@@ -278,18 +278,6 @@ static double largest_difference(const double *a, const double *b, size_t n) {
     return most;
 }
 
-static void check_accuracy(const app *self, const making *m) {
-    if (!isfinite(m->accuracy))
-        app_stop(self, LG_NOT_FINITE,
-                 "%s: the motion is not finite: give a smaller --dt, --amplitude or --start-spread",
-                 self->arguments[0]);
-    if (m->accuracy > 1e-6)
-        app_warn(self,
-                 "with %u steps between two rows the motion is accurate to %.1e only: it is chaotic, or --dt "
-                 "is too long",
-                 m->substeps, m->accuracy);
-}
-
 /* Doubles the substeps until the motion changes by at most 1e-10 (at most 512 substeps). The error of a
  * smooth motion falls to a thirtieth each time. Where it falls to more than an eighth, the motion has
  * kinks, such as those of a dead zone, and 1e-6 is enough. */
@@ -317,7 +305,15 @@ static void integrate(const app *self, making *m) {
         memcpy(before_q, q, nq * sizeof *before_q);
         memcpy(before_v, v, nv * sizeof *before_v);
     }
-    check_accuracy(self, m);
+    if (!isfinite(m->accuracy))
+        app_stop(self, LG_NOT_FINITE,
+                 "%s: the motion is not finite: give a smaller --dt, --amplitude or --start-spread",
+                 self->arguments[0]);
+    if (m->accuracy > enough)
+        app_warn(self,
+                 "with %u steps between two rows the motion is accurate to %.1e only: it is chaotic, or --dt "
+                 "is too long",
+                 m->substeps, m->accuracy);
 }
 
 /* ---- the file ---- */
@@ -327,15 +323,6 @@ static double input_of(const void *user, size_t run, size_t row, uint32_t input)
     const making *m = user;
     const size_t acts = row - run * m->rows + m->file.inputs[input].delay;
     return m->given[(run * (m->rows + m->delay) + acts) * m->file.machine.input_count + input];
-}
-
-static void report(const app *self, const making *m, size_t rows) {
-    app_json *out = self->out;
-    APP_PUT(out, APP_WHOLE("runs", m->runs, NULL), APP_WHOLE("rows", rows, "of all runs"),
-            APP_REAL("dt", values.dt, "s from a row to the next"),
-            APP_WHOLE("substeps", m->substeps, "between two rows"),
-            APP_REAL("accuracy", m->accuracy, "of the motion"), LG_AS_WHOLE("seed", self->seed),
-            APP_TEXT("out", values.out, NULL));
 }
 
 /* ---- the command ---- */
@@ -376,7 +363,11 @@ static void begin(const app *self, making *m) {
     const lg_machine *machine = &m->file.machine;
     m->t_end = values.t_end > 0 ? values.t_end : 10;
     if (find_form() == LG_COUNT(forms)) read_inputs(self, m);
-    m->rows = (size_t)floor(m->t_end / values.dt + 1 + 1e-9);
+    const double times = floor(m->t_end / values.dt + 1 + 1e-9);
+    if (!(times <= MOST_ROWS))
+        app_stop_usage(self, "%g s in steps of --dt %g are more than %g rows", m->t_end, values.dt,
+                       MOST_ROWS);
+    m->rows = (size_t)times;
     m->runs = (size_t)values.runs;
     for (uint32_t i = 0; i < machine->input_count; i++)
         if (m->file.inputs[i].delay > m->delay) m->delay = m->file.inputs[i].delay;
@@ -414,7 +405,11 @@ static void run(app *self) {
     size_t rows;
     (void)identify_write(self, values.out, &m.file, &log, NULL, &m.motion, input_of, &m, &rows);
     app_plot_draw(self, 0, &(identify_plot){"First run", &m.file, &log, 1, .runs = NULL});
-    report(self, &m, rows);
+    APP_PUT(self->out, APP_WHOLE("runs", m.runs, NULL), APP_WHOLE("rows", rows, "of all runs"),
+            APP_REAL("dt", values.dt, "s from a row to the next"),
+            APP_WHOLE("substeps", m.substeps, "between two rows"),
+            APP_REAL("accuracy", m.accuracy, "of the motion"), LG_AS_WHOLE("seed", self->seed),
+            APP_TEXT("out", values.out, NULL));
 }
 
 const app_command identify_generate_command = {

@@ -8,8 +8,8 @@
 #include "settings/training.h"
 #include "files/csv.h"
 
-extern const app_command identify_check_command, identify_fit_command, identify_evaluate_command,
-    identify_predict_command, identify_generate_command, identify_adapt_command;
+extern const app_command identify_check_command, identify_evaluate_command, identify_predict_command,
+    identify_generate_command, identify_adapt_command;
 
 /* ---- models and logs (runs.c) ---- */
 
@@ -58,6 +58,8 @@ typedef struct identify_runs {
 
 /* Root mean squares of predicted minus logged values, one per column of the file; NaN: nothing to compare. */
 void identify_column_errors(const identify_given *given, const identify_runs *runs, double *out);
+/* Writes them as the object free_run. */
+void identify_put_errors(app_json *out, const lg_machine_file *file, const double *errors, const char *label);
 
 /* Warns about each column that leaves the range of the training data, in the log or in the runs, which may be
  * NULL. */

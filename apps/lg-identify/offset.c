@@ -53,10 +53,6 @@ typedef struct sums {
     size_t count, early_count, late_count;
 } sums;
 
-static double column_error(bool angle, double a, double b) {
-    return angle ? lg_machine_wrap(a - b) : a - b;
-}
-
 static sums add_runs(const lg_machine *machine, const lg_machine_log *log, const double *q,
                      const double *with, const lg_machine_offsets *of) {
     sums out = {0};
@@ -64,8 +60,9 @@ static sums add_runs(const lg_machine *machine, const lg_machine_log *log, const
         const size_t first = log->first[part], rows = log->first[part + 1] - first;
         for (size_t i = 0; i < rows; i++) {
             const size_t at = (first + i) * machine->positions + of->position;
-            const double e = column_error(of->angle, q[at], log->q[at]),
-                         s = column_error(of->angle, with[at], q[at]);
+            const double off = q[at] - log->q[at], moved = with[at] - q[at],
+                         e = of->angle ? lg_machine_wrap(off) : off,
+                         s = of->angle ? lg_machine_wrap(moved) : moved;
             if (!isfinite(e) || !isfinite(s)) continue;
             out.ee += e * e, out.es += e * s, out.ss += s * s, out.count++;
             if (4 * i >= rows && 2 * i < rows) out.early += s * s, out.early_count++;
@@ -75,15 +72,9 @@ static sums add_runs(const lg_machine *machine, const lg_machine_log *log, const
     return out;
 }
 
-/* Whether the response to a force still grows at the end, like t or t^2. */
-static bool grows(const sums *s) {
-    static const double growth = 1.7;
-    if (s->early_count == 0 || s->late_count == 0) return false;
-    return s->late / (double)s->late_count > growth * growth * s->early / (double)s->early_count;
-}
-
 static void look_at(const app *self, const identify_given *given, pushed *p, const identify_runs *runs,
                     const lg_machine_offsets *at, identify_runs *with, identify_offset *out) {
+    static const double growth = 1.7;
     const lg_machine_log *log = &given->data.logs.log;
     const lg_machine *machine = given->model.machine;
     const uint32_t velocity = at->velocity;
@@ -91,7 +82,10 @@ static void look_at(const app *self, const identify_given *given, pushed *p, con
     identify_run_log(self, &p->model, log, with);
     push(p, velocity, -1);
     const sums s = add_runs(machine, log, runs->q, with->q, at);
-    if (!(s.ee > 0 && s.ss > 0) || !grows(&s)) return;
+    /* the response to the force still grows at the end, like t or t^2 */
+    const bool grows = s.early_count > 0 && s.late_count > 0 &&
+                       s.late / (double)s.late_count > growth * growth * s.early / (double)s.early_count;
+    if (!(s.ee > 0 && s.ss > 0) || !grows) return;
     const double x = -s.es / s.ss;
     push(p, velocity, x);
     identify_run_log(self, &p->model, log, with);

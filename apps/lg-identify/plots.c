@@ -60,19 +60,6 @@ static void put_row(app_plot *plot, const identify_plot *of, size_t row, double 
     app_plot_columns(plot, 9, 1, columns, bands != NULL ? 4 : 3);
 }
 
-/* Writes the first parts as one data block. Blank lines break the curves at gaps. */
-static void put_run(app_plot *plot, const identify_plot *of) {
-    size_t rows = 0;
-    /* Holds the previous row, so that quaternions do not change their sign. */
-    double logged[LG_LOG_COLUMNS] = {0};
-    for (size_t p = 0; p < of->parts; p++) {
-        for (size_t row = of->log->first[p]; row < of->log->first[p + 1] && rows < MOST_ROWS; row++, rows++)
-            put_row(plot, of, row, logged);
-        app_plot_gap(plot);
-    }
-    app_plot_block(plot);
-}
-
 /* ---- learned terms ---- */
 
 /* The mean and the range of the finite numbers of a column. */
@@ -174,22 +161,28 @@ static void put_terms(app_plot *plot, const identify_plot *of) {
 
 _Static_assert(sizeof(lg_horizon) % sizeof(double) == 0, "the numbers of horizons are columns");
 
-/* Writes the errors of the model, and of the guess that nothing changes, against the horizon. */
-static void put_horizons(app_plot *plot, const lg_horizon *of, size_t count) {
-    const size_t each = sizeof *of / sizeof(double);
-    app_plot_text(plot, "errors\t%d", LG_RUN_ERRORS);
-    for (int e = 0; e < LG_RUN_ERRORS; e++)
-        app_plot_text(plot, "%s", isfinite(of[0].pooled[e]) ? lg_run_error_names[e] : "");
-    APP_PLOT_COLUMNS(plot, 7, count, {&of->seconds, each, 1}, {of->pooled, each, LG_RUN_ERRORS},
-                     {of->unchanged, each, LG_RUN_ERRORS});
-    app_plot_block(plot);
-}
-
+/* The first parts are one data block; blank lines break the curves at gaps. Then the errors of the model, and
+ * of the guess that nothing changes, against the horizon, and the learned terms. */
 void identify_put(app_plot *plot, const void *drawn) {
     const identify_plot *of = drawn;
+    const lg_horizon *h = of->horizons;
+    const size_t each = sizeof *h / sizeof(double);
+    size_t rows = 0;
+    /* Holds the previous row, so that quaternions do not change their sign. */
+    double logged[LG_LOG_COLUMNS] = {0};
     put_columns(plot, of);
-    put_run(plot, of);
+    for (size_t p = 0; p < of->parts; p++) {
+        for (size_t row = of->log->first[p]; row < of->log->first[p + 1] && rows < MOST_ROWS; row++, rows++)
+            put_row(plot, of, row, logged);
+        app_plot_gap(plot);
+    }
+    app_plot_block(plot);
     if (of->given == NULL) return;
-    put_horizons(plot, of->horizons, of->horizon_count);
+    app_plot_text(plot, "errors\t%d", LG_RUN_ERRORS);
+    for (int e = 0; e < LG_RUN_ERRORS; e++)
+        app_plot_text(plot, "%s", isfinite(h->pooled[e]) ? lg_run_error_names[e] : "");
+    APP_PLOT_COLUMNS(plot, 7, of->horizon_count, {&h->seconds, each, 1}, {h->pooled, each, LG_RUN_ERRORS},
+                     {h->unchanged, each, LG_RUN_ERRORS});
+    app_plot_block(plot);
     put_terms(plot, of);
 }

@@ -24,44 +24,18 @@ static const lg_field options[] = {
 
 static predict_values values;
 
-typedef struct prediction {
-    const identify_given *given;
-    identify_runs runs;
-    size_t rows; /* that were written */
-    double error[LG_LOG_COLUMNS];
-} prediction;
-
 /* ---- standard deviations that follow from the uncertainty of the parameters ---- */
 
 enum { SAMPLES = 40 };
-
-/* Draws parameters theta + W x, with x of N(0, 1). */
-static void draw(const double *theta, const double *W, size_t n, lg_rng *rng, double *out) {
-    memcpy(out, theta, n * sizeof *out);
-    for (size_t k = 0; k < n; k++) {
-        const double x = lg_rng_normal(rng);
-        for (size_t i = 0; i < n; i++) out[i] += W[i * n + k] * x;
-    }
-}
-
-/* Adds the squared differences of two predictions to `out` (rows, columns of the file). */
-static void add_squares(const lg_machine_data *data, const identify_runs *a, const identify_runs *b,
-                        double *out) {
-    const lg_machine_file *file = &data->file;
-    const size_t nq = file->machine.positions, nv = file->machine.velocities;
-    double error[LG_LOG_COLUMNS];
-    for (size_t row = 0; row < data->logs.log.rows; row++) {
-        identify_errors(file, b->q + row * nq, b->v + row * nv, a->q + row * nq, a->v + row * nv, error);
-        for (uint32_t c = 0; c < file->column_count; c++)
-            out[row * file->column_count + c] += error[c] * error[c];
-    }
-}
 
 /* The bands of the runs, from SAMPLES runs with parameters theta + W x, x of N(0, 1), where W is the model's
  * `spread`. */
 static void find_bands(const app *self, const identify_given *given, identify_runs *runs) {
     const lg_machine_log *log = &given->data.logs.log;
-    const size_t n = given->model.machine->parameters, numbers = log->rows * given->data.file.column_count;
+    const lg_machine *machine = given->model.machine;
+    const size_t n = machine->parameters, nq = machine->positions, nv = machine->velocities,
+                 columns = given->data.file.column_count, numbers = log->rows * columns;
+    double error[LG_LOG_COLUMNS];
     APP_FREE double *theta = app_alloc(n + 1, sizeof *theta);
     identify_runs other = identify_runs_begin(&given->model, log, values.start);
     lg_learned_machine drawn = given->model;
@@ -70,19 +44,25 @@ static void find_bands(const app *self, const identify_given *given, identify_ru
     drawn.theta = theta;
     runs->bands = app_keep(numbers, sizeof *runs->bands);
     for (int i = 0; i < SAMPLES; i++) {
-        draw(given->model.theta, given->file.spread, n, &rng, theta);
+        memcpy(theta, given->model.theta, n * sizeof *theta);
+        for (size_t k = 0; k < n; k++) {
+            const double x = lg_rng_normal(&rng);
+            for (size_t j = 0; j < n; j++) theta[j] += given->file.spread[j * n + k] * x;
+        }
         identify_run_log(self, &drawn, log, &other);
-        add_squares(&given->data, runs, &other, runs->bands);
+        for (size_t row = 0; row < log->rows; row++) {
+            identify_errors(&given->data.file, other.q + row * nq, other.v + row * nv, runs->q + row * nq,
+                            runs->v + row * nv, error);
+            for (size_t c = 0; c < columns; c++) runs->bands[row * columns + c] += error[c] * error[c];
+        }
     }
     for (size_t i = 0; i < numbers; i++) runs->bands[i] = sqrt(runs->bands[i] / SAMPLES);
 }
 
 /* ---- the prediction ---- */
 
-static void predict(const app *self, prediction *p) {
-    const identify_given *given = p->given;
+static void predict(const app *self, const identify_given *given, identify_runs *runs) {
     const lg_machine_log *log = &given->data.logs.log;
-    identify_runs *runs = &p->runs;
     *runs = identify_runs_begin(&given->model, log, values.start);
     if (runs->count == 0)
         app_stop(self, LG_INVALID_ARGUMENT,
@@ -109,39 +89,31 @@ static double input_of(const void *user, size_t part, size_t row, uint32_t input
 
 /* ---- the command ---- */
 
-static void report(const app *self, const prediction *p) {
-    const lg_machine_file *file = &p->given->data.file;
-    app_json *out = self->out;
-    APP_PUT(out, APP_WHOLE("rows", p->rows, NULL), APP_WHOLE("runs", p->runs.count, NULL));
-    identify_put_start_rows(out, &p->given->model);
-    app_json_open(out, "free_run", '{');
-    for (uint32_t c = 0; c < file->column_count; c++)
-        if (identify_is_state(&file->columns[c]))
-            app_result_real(out, file->columns[c].name, p->error[c],
-                            "root mean square of the difference from the log");
-    app_json_close(out, '}');
-    app_result_text(out, "out", values.out, NULL);
-}
-
 static void run(app *self) {
     APP_CLEAN(identify_given_destroy) identify_given given = {.model = {.machine = NULL}};
-    prediction p = {.given = &given};
     const lg_machine_data *data = &given.data;
+    app_json *out = self->out;
+    identify_runs runs;
+    size_t rows;
+    double errors[LG_LOG_COLUMNS];
     identify_load(self, values.substeps, values.start_rows, &given);
     if (values.bands && given.file.spread == NULL)
         app_stop(self, LG_UNSUPPORTED,
                  "%s: has no covariance of its parameters, which --bands needs: the model has more than %d "
                  "parameters, its fit did not converge, it was adapted, or the logs determine none of them",
                  self->arguments[0], LG_MACHINE_MOST_SPREAD);
-    predict(self, &p);
-    const bool finite = identify_write(self, values.out, &data->file, &data->logs.log, &data->logs, &p.runs,
-                                       input_of, data, &p.rows);
+    predict(self, &given, &runs);
+    const bool finite = identify_write(self, values.out, &data->file, &data->logs.log, &data->logs, &runs,
+                                       input_of, data, &rows);
     app_plot_draw(self, 0,
                   &(identify_plot){"First run of the log: logged (thick) and predicted (thin)", &data->file,
-                                   &data->logs.log, identify_first_run(&data->logs), &p.runs, .given = NULL});
-    identify_leave_out(&given.model, &data->logs.log, &p.runs);
-    identify_column_errors(&given, &p.runs, p.error);
-    report(self, &p);
+                                   &data->logs.log, identify_first_run(&data->logs), &runs, .given = NULL});
+    identify_leave_out(&given.model, &data->logs.log, &runs);
+    identify_column_errors(&given, &runs, errors);
+    APP_PUT(out, APP_WHOLE("rows", rows, NULL), APP_WHOLE("runs", runs.count, NULL));
+    identify_put_start_rows(out, &given.model);
+    identify_put_errors(out, &data->file, errors, "root mean square of the difference from the log");
+    app_result_text(out, "out", values.out, NULL);
     if (!finite)
         self->code =
             app_fail(self, LG_NOT_FINITE,

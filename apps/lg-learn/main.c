@@ -141,7 +141,7 @@ static void calculate(const app *self, const lg_program *program, const char *na
     APP_FREE double **y = app_alloc(count, sizeof *y);
     APP_FREE double *first = y[0] = app_alloc(numbers, sizeof *first);
     APP_DO(self, lg_program_eval, program, name, 1, &x, y);
-    app_result_put(self->out, APP_REALS(name, first, numbers, label != NULL ? label : port->name));
+    app_json_put(self->out, APP_REALS(name, first, numbers, label != NULL ? label : port->name));
 }
 
 /* Refuses options of a flow, which a model that does not move would ignore. */

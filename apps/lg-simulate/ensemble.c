@@ -217,13 +217,6 @@ static void read_events(study *all, lg_ensemble_event events[LG_EVENTS_MAX]) {
     all->options.event_count = all->total->events;
 }
 
-static void choose_times(study *all) {
-    samples path;
-    samples_times(all->sim, POINTS, &path);
-    all->options.times = all->total->t = path.t + path.first;
-    all->options.count = all->total->points = path.count - path.first;
-}
-
 /* Draws the start and, behind it, the parameters of a member. */
 static void draw(const study *all, uint64_t member, double *y0) {
     const simulation *sim = all->sim;
@@ -235,24 +228,10 @@ static void draw(const study *all, uint64_t member, double *y0) {
     (void)vary_draw(all->varied, member, y0, parameters);
 }
 
-/* Adds the starts and parameters of up to 64 members to the hash, because they depend not only on the text
- * but also on tables and the scene. */
-static void add_members(const study *all, lg_sha256 *state) {
-    enum { MEMBERS = 64 };
-    const simulation *sim = all->sim;
-    const size_t dim = sim->dim, count = lg_system_parameter_count(sim->system);
-    const uint64_t total = all->total->total, step = total > MEMBERS ? total / MEMBERS : 1;
-    APP_FREE double *y0 = app_alloc(dim + count, sizeof *y0);
-    for (uint64_t i = 0; i < MEMBERS && i * step < total; i++) {
-        draw(all, i * step, y0);
-        lg_sha256_add(state, y0, (dim + count) * sizeof *y0);
-    }
-}
-
 /* Describes the ensemble in one line; parts with the same line belong together. Long texts are cut in the
  * line, but the hash covers them completely. */
 static char *describe(const study *all, const char *text) {
-    enum { LONGEST = 4096 };
+    enum { LONGEST = 4096, MEMBERS = 64 };
     char *out = app_keep(LONGEST, 1);
     const simulation *sim = all->sim;
     const lg_ensemble_options *o = &all->options;
@@ -265,9 +244,15 @@ static char *describe(const study *all, const char *text) {
     lg_sha256_add(&state, text, strlen(text));
     if (starts != NULL) lg_sha256_add(&state, starts, strlen(starts));
     if (event != NULL) lg_sha256_add(&state, event, strlen(event));
-    add_members(all, &state);
-    lg_sha256_add(&state, lg_system_parameter_values(sim->system),
-                  lg_system_parameter_count(sim->system) * sizeof(double));
+    /* Starts and parameters of up to 64 members, which depend on tables and the scene too. */
+    const size_t count = lg_system_parameter_count(sim->system);
+    const uint64_t total = all->total->total, step = total > MEMBERS ? total / MEMBERS : 1;
+    APP_FREE double *y0 = app_alloc(sim->dim + count, sizeof *y0);
+    for (uint64_t i = 0; i < MEMBERS && i * step < total; i++) {
+        draw(all, i * step, y0);
+        lg_sha256_add(&state, y0, (sim->dim + count) * sizeof *y0);
+    }
+    lg_sha256_add(&state, lg_system_parameter_values(sim->system), count * sizeof(double));
     if (sim->scene.state != NULL) lg_sha256_add(&state, sim->scene.state, sim->dim * sizeof(double));
     lg_sha256_add(&state, all->total->t, all->total->points * sizeof(double));
     lg_sha256_add(&state, control, sizeof control);
@@ -307,14 +292,6 @@ static void open_gatherers(study *all) {
     }
 }
 
-static void close_gatherers(study *all) {
-    for (size_t i = 0; all->gatherers != NULL && i < (size_t)all->options.threads; i++) {
-        gatherer *own = &all->gatherers[i];
-        lg_system_destroy(own->system);
-        result_free(&own->part);
-    }
-}
-
 static lg_status run(const study *all, const lg_ensemble_options *options, lg_ensemble_keep keep,
                      lg_ensemble_stats *stats, lg_error *error) {
     return lg_ensemble_run(all->sim->self->context, all->sim->system, options, vary_draw, all->varied, keep,
@@ -340,19 +317,16 @@ static lg_status run_pilot(study *all, lg_error *error) {
     return run(all, &pilot, keep_ranges, NULL, error);
 }
 
-static lg_status like(const result *total, result *part) {
-    lg_status status = lg_statistics_create_like(total->states, &part->states);
-    if (status == LG_OK && total->times != NULL)
-        status = lg_statistics_create_like(total->times, &part->times);
-    part->what = total->what;
-    return status;
-}
-
 static lg_status run_all(study *all, lg_ensemble_stats *stats, lg_error *error) {
     const size_t threads = (size_t)all->options.threads;
     lg_status status = run_pilot(all, error);
-    for (size_t i = 0; i < threads && status == LG_OK; i++)
-        status = like(all->total, &all->gatherers[i].part);
+    for (size_t i = 0; i < threads && status == LG_OK; i++) {
+        result *part = &all->gatherers[i].part;
+        status = lg_statistics_create_like(all->total->states, &part->states);
+        if (status == LG_OK && all->total->times != NULL)
+            status = lg_statistics_create_like(all->total->times, &part->times);
+        part->what = all->total->what;
+    }
     app_progress_begin(&all->progress, 0, all->options.members);
     if (status == LG_OK) status = run(all, &all->options, keep_block, stats, error);
     app_progress_end(&all->progress);
@@ -380,13 +354,6 @@ static lg_status open_rows(study *all, lg_error *error) {
     return lg_rows_file_create(self->context, all->files->trajectories, &options, &all->rows, error);
 }
 
-static lg_status close_rows(study *all, lg_error *error) {
-    const int code = atomic_load(&all->rows_lost);
-    if (all->rows == NULL) return LG_OK;
-    if (code == 0) return lg_rows_file_commit(all->rows, error);
-    return lg_fail(error, LG_FILE, "%s: cannot be written: %s", all->files->trajectories, strerror(code));
-}
-
 /* Says how many members have wrong results, and what is wrong with the first that was not allowed. */
 static void warn_of_members(const study *all) {
     const simulation *sim = all->sim;
@@ -406,7 +373,10 @@ static void warn_of_members(const study *all) {
     APP_FREE double *y0 = app_alloc(sim->dim + lg_system_parameter_count(sim->system), sizeof *y0);
     draw(all, what->who[at][0], y0);
     (void)lg_system_check_parameters(sim->system, y0 + sim->dim, &error);
-    app_warn(self, "member %llu is not allowed: %s", (unsigned long long)what->who[at][0], error.message);
+    const unsigned long long member = what->who[at][0];
+    const char *table = sim->values->members;
+    APP_FREE char *row = table != NULL ? app_format(" (row %llu of %s)", member + 1, table) : NULL;
+    app_warn(self, "member %llu%s is not allowed: %s", member, row != NULL ? row : "", error.message);
 }
 
 /* Runs the ensemble. A failure ends the command, and thereby all ranks. */
@@ -432,7 +402,11 @@ static void write_out(study *all) {
     result *total = all->total;
     lg_error lost = {LG_OK, ""};
     const bool kept = all->rows != NULL;
-    const lg_status status = close_rows(all, &lost);
+    const int code = atomic_load(&all->rows_lost);
+    const lg_status status = !kept       ? LG_OK
+                             : code == 0 ? lg_rows_file_commit(all->rows, &lost)
+                                         : lg_fail(&lost, LG_FILE, "%s: cannot be written: %s",
+                                                   files->trajectories, strerror(code));
     const lg_rows_part part = {files->trajectories,
                                rows_among(all->saved, total->first, all->options.members)};
     const result_rows rows = {&part, 1, all->sim->reported};
@@ -466,24 +440,12 @@ static void merge_ranks(const study *all) {
 
 /* ---- choosing what is run ---- */
 
-/* Gives each task whole blocks. The size of a block depends on the scene and the options, not on the number
- * of tasks. */
-static void choose_members(study *all, const ensemble_task *part) {
-    const uint64_t task = part->index, tasks = part->count > 0 ? part->count : 1;
-    const uint64_t size = lg_ensemble_block_size(&all->options, all->sim->dim), total = all->total->total;
-    const uint64_t blocks = (total + size - 1) / size;
-    const uint64_t from = blocks * task / tasks * size, to = blocks * (task + 1) / tasks * size;
-    all->options.block = (size_t)size;
-    all->options.first = all->total->first = from;
-    all->options.members = (to < total ? to : total) - from;
-    all->total->block = size;
-}
-
 static void prepare(study *all, const lg_scheme *scheme, const char *text, lg_ensemble_event *events) {
     const simulation *sim = all->sim;
     const simulate_values *values = sim->values;
     const ensemble_files *files = all->files;
     size_t rows;
+    samples path;
     plan how;
     plan_init(sim, scheme, &how);
     lg_ensemble_options *o = &all->options;
@@ -503,16 +465,31 @@ static void prepare(study *all, const lg_scheme *scheme, const char *text, lg_en
     if (values->save > 0 && files->out == NULL)
         app_stop_usage(sim->self, "--save: trajectories need a file: give --out");
     read_events(all, events);
-    choose_times(all);
+    samples_times(sim, POINTS, &path);
+    o->times = all->total->t = path.t + path.first;
+    o->count = all->total->points = path.count - path.first;
     if (rows > 0 && values->ensemble > rows)
         app_stop_usage(sim->self, "--members: %s has %zu rows, fewer than --ensemble %llu", values->members,
                        rows, (unsigned long long)values->ensemble);
-    choose_members(all, &files->task);
+    if (rows > values->ensemble)
+        app_warn(sim->self, "--members: %s has %zu rows: only the first %llu are used", values->members, rows,
+                 (unsigned long long)values->ensemble);
+    /* Each task gets whole blocks. The size of a block depends on the scene and the options, not on the
+     * number of tasks. */
+    const uint64_t task = files->task.index, tasks = files->task.count > 0 ? files->task.count : 1,
+                   size = lg_ensemble_block_size(o, sim->dim), total = all->total->total,
+                   blocks = (total + size - 1) / size, to = blocks * (task + 1) / tasks * size;
+    o->block = (size_t)(all->total->block = size);
+    o->first = all->total->first = blocks * task / tasks * size;
+    o->members = (to < total ? to : total) - o->first;
     name_columns(all);
 }
 
 static void study_close(study *all) {
-    close_gatherers(all);
+    for (size_t i = 0; all->gatherers != NULL && i < (size_t)all->options.threads; i++) {
+        lg_system_destroy(all->gatherers[i].system);
+        result_free(&all->gatherers[i].part);
+    }
     vary_close(all->varied);
     result_free(all->total);
 }

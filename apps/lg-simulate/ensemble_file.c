@@ -174,18 +174,11 @@ static lg_status get_statistics(const app *self, lg_file_reader *reader, const c
     return lg_statistics_load(*out, &from);
 }
 
-/* Checks that no cell has more numbers than there are members. */
-static bool fits_members(const lg_statistics *of, size_t rows, size_t columns, uint64_t members) {
-    bool fits = true;
-    for (size_t i = 0; i < rows * columns; i++)
-        fits = fits && lg_statistics_of(of, i / columns, i % columns).count <= members;
-    return fits;
-}
-
-/* Checks that the counts of a part are consistent, so that no sum over parts exceeds the number of
- * members. */
+/* Checks that the counts of a part are consistent, so that no sum over parts exceeds the number of members,
+ * and that no cell has more numbers. */
 static bool check_counts(const result *what) {
     uint64_t left = what->members, failed = 0;
+    bool fits = true;
     for (size_t i = 0; i < STATUSES; i++) {
         if (what->failed[i] > left) return false;
         left -= what->failed[i];
@@ -197,8 +190,11 @@ static bool check_counts(const result *what) {
         if (member < what->first || member - what->first >= what->members || what->who[i][1] >= STATUSES)
             return false;
     }
-    return fits_members(what->states, what->points, what->columns, what->members) &&
-           (what->events == 0 || fits_members(what->times, 1, what->events, what->members));
+    for (size_t i = 0, n = what->columns; i < what->points * n; i++)
+        fits = fits && lg_statistics_of(what->states, i / n, i % n).count <= what->members;
+    for (size_t i = 0; i < what->events; i++)
+        fits = fits && lg_statistics_of(what->times, 0, i).count <= what->members;
+    return fits;
 }
 
 static lg_status get_result(const app *self, lg_file_reader *reader, result *out) {

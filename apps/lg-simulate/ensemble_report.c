@@ -41,30 +41,6 @@ static void put_failures(app_json *out, const result *what) {
     app_result_rows_end(out);
 }
 
-static void put_states(app_json *out, const result *what) {
-    app_result_real(out, "t", what->t[what->points - 1], "of the states below");
-    app_result_named(out, "end", "at the end");
-    for (size_t c = 0; c < what->columns; c++) {
-        if (out->people && c >= SHOWN && c + 2 < what->columns) continue;
-        app_json_open(out, what->column[c], '{');
-        put_cell(out, what->states, what->points - 1, c);
-        app_json_close(out, '}');
-    }
-    app_result_rows_end(out);
-}
-
-static void put_events(app_json *out, const result *what) {
-    if (what->events > 0) app_result_line(out, "\nTime of the first event");
-    app_result_named(out, "events", "event");
-    for (size_t e = 0; e < what->events; e++) {
-        app_json_open(out, what->event[e], '{');
-        put_cell(out, what->times, 0, e);
-        app_json_size(out, "without", what->members - lg_statistics_of(what->times, 0, e).count);
-        app_json_close(out, '}');
-    }
-    app_result_rows_end(out);
-}
-
 static void report_ensemble(app_json *out, const result *what, const lg_ensemble_stats *stats,
                             const char *path) {
     APP_PUT(out, APP_TEXT("ensemble", what->what, NULL),
@@ -82,8 +58,24 @@ static void report_ensemble(app_json *out, const result *what, const lg_ensemble
                         "this part has no members: parts get blocks of %llu members, and other parts have "
                         "all %llu members",
                         (unsigned long long)what->block, (unsigned long long)what->total);
-    put_states(out, what);
-    put_events(out, what);
+    app_result_real(out, "t", what->t[what->points - 1], "of the states below");
+    app_result_named(out, "end", "at the end");
+    for (size_t c = 0; c < what->columns; c++) {
+        if (out->people && c >= SHOWN && c + 2 < what->columns) continue;
+        app_json_open(out, what->column[c], '{');
+        put_cell(out, what->states, what->points - 1, c);
+        app_json_close(out, '}');
+    }
+    app_result_rows_end(out);
+    if (what->events > 0) app_result_line(out, "\nTime of the first event");
+    app_result_named(out, "events", "event");
+    for (size_t e = 0; e < what->events; e++) {
+        app_json_open(out, what->event[e], '{');
+        put_cell(out, what->times, 0, e);
+        app_json_size(out, "without", what->members - lg_statistics_of(what->times, 0, e).count);
+        app_json_close(out, '}');
+    }
+    app_result_rows_end(out);
     APP_PUT(out, APP_TEXT("out", path, NULL), APP_WHOLE("points", what->points, NULL));
 }
 
@@ -107,16 +99,6 @@ void ensemble_conclude(const app *self, const result *what, const lg_ensemble_st
 
 enum { PANELS = 6, BARS = 64 };
 
-static void put_bands(app_plot *plot, const result *what, size_t column) {
-    for (size_t row = 0; row < what->points; row++) {
-        double line[1 + LG_COUNT(quantiles)] = {what->t[row]};
-        for (size_t i = 0; i < LG_COUNT(quantiles); i++)
-            line[1 + i] = lg_statistics_quantile(what->states, row, column, quantiles[i].p);
-        APP_PLOT_COLUMNS(plot, 9, 1, {line, 0, LG_COUNT(line)});
-    }
-    app_plot_block(plot);
-}
-
 static void put_times(app_plot *plot, const result *what, size_t event) {
     const lg_statistics_range range = lg_statistics_range_at(what->times, 0, event);
     const uint64_t *bins = lg_statistics_bins(what->times, 0, event);
@@ -138,7 +120,13 @@ static void put_ensemble(app_plot *plot, const void *total) {
     app_plot_text(plot, "%zu\t%zu", shown, shown + (size_t)what->events);
     for (size_t i = 0; i < shown; i++) {
         app_plot_text(plot, "%s", what->column[chosen[i]]);
-        put_bands(plot, what, chosen[i]);
+        for (size_t row = 0; row < what->points; row++) {
+            double line[1 + LG_COUNT(quantiles)] = {what->t[row]};
+            for (size_t q = 0; q < LG_COUNT(quantiles); q++)
+                line[1 + q] = lg_statistics_quantile(what->states, row, chosen[i], quantiles[q].p);
+            APP_PLOT_COLUMNS(plot, 9, 1, {line, 0, LG_COUNT(line)});
+        }
+        app_plot_block(plot);
     }
     for (size_t e = 0; e < what->events; e++) {
         app_plot_text(plot, "first %s", what->event[e]);

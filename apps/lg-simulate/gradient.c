@@ -9,20 +9,16 @@ enum { MAX_TEXT = 1 << 26 };
 
 /* ---- weights ---- */
 
-static char *read_text(const app *self, const char *path) {
-    char *text = app_alloc(MAX_TEXT, 1);
-    size_t used = 0;
-    APP_MUST_FILE(self, path, lg_read_first(path, text, MAX_TEXT - 1, &used, &error));
-    if (used == MAX_TEXT - 1 || strlen(text) != used)
-        app_stop(self, LG_FILE, "%s: is not a list of numbers", path);
-    return text;
-}
-
 void gradient_read(const simulation *sim, gradient *out) {
     static const char between[] = ", \t\r\n";
     const char *given = sim->values->gradient;
-    size_t count = 0;
-    APP_FREE char *text = given[0] == '@' ? read_text(sim->self, given + 1) : app_format("%s", given);
+    const bool from_file = given[0] == '@';
+    size_t count = 0, used = 0;
+    APP_FREE char *text = from_file ? app_alloc(MAX_TEXT, 1) : app_format("%s", given);
+    if (from_file)
+        APP_MUST_FILE(sim->self, given + 1, lg_read_first(given + 1, text, MAX_TEXT - 1, &used, &error));
+    if (from_file && (used == MAX_TEXT - 1 || strlen(text) != used))
+        app_stop(sim->self, LG_FILE, "%s: is not a list of numbers", given + 1);
     *out = (gradient){.count = sim->reported, .weights = app_keep(sim->dim, sizeof *out->weights)};
     for (char *save = NULL, *word = strtok_r(text, between, &save); word != NULL;
          word = strtok_r(NULL, between, &save), count++) {

@@ -62,7 +62,7 @@ static const lg_field options[] = {
         "normal:MEAN:DEVIATION, within:S, within:S% or around:S of the scene's value, sphere, cone:ANGLE, "
         "rotation; e.g. q=sphere,omega=normal:0:1,masses=within:5%",
         .needs = "ensemble", .usual = true),
-    LG_OPTION(simulate_values, members, STRING, "FILE.csv|.h5|.npy",
+    LG_OPTION(simulate_values, members, STRING, "FILE.csv|.h5",
               "A table with one row per member; its columns have the names of numbers of the state or of "
               "parameters (q1.x, m2)",
               .needs = "ensemble", .file = LG_FILE_READ),
@@ -78,25 +78,6 @@ static const lg_field options[] = {
                 .needs = "ensemble"),
     LG_FIELD_END};
 
-static void check_options(const app *self) {
-    if (!values.work_precision && app_given(self, "steps") &&
-        (app_given(self, "tolerance") || app_given(self, "atol")))
-        app_stop_usage(self,
-                       "--steps (equal steps) and --tolerance (adaptive steps) cannot be given together");
-}
-
-static void check_outputs(const app *self, const ensemble_files *files) {
-    const char *kind = values.ensemble > 0 ? "ensemble" : "trajectory";
-    const bool weights = values.gradient != NULL && values.gradient[0] == '@';
-    const app_path paths[] = {{"scheme", values.scheme, LG_FILE_READ, NULL},
-                              {"gradient", weights ? values.gradient + 1 : NULL, LG_FILE_READ, NULL},
-                              {"out", files->out, LG_FILE_WRITTEN, kind},
-                              {"save", files->trajectories, LG_FILE_WRITTEN, "ensemble-trajectories"},
-                              /* Rank 0 merges the parts of all ranks into the file of --out. */
-                              {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN, kind}};
-    app_check_outputs(self, paths, LG_COUNT(paths));
-}
-
 static void run(app *self) {
     simulation sim;
     ensemble_files files = {.out = NULL};
@@ -104,9 +85,20 @@ static void run(app *self) {
         app_stop_usage(
             self, "without --ensemble this program runs in one process only, but mpirun started %u processes",
             self->rank_count);
-    check_options(self);
+    if (!values.work_precision && app_given(self, "steps") &&
+        (app_given(self, "tolerance") || app_given(self, "atol")))
+        app_stop_usage(self,
+                       "--steps (equal steps) and --tolerance (adaptive steps) cannot be given together");
     ensemble_files_choose(self, &values, &files);
-    check_outputs(self, &files);
+    const char *kind = values.ensemble > 0 ? "ensemble" : "trajectory";
+    const bool weights = values.gradient != NULL && values.gradient[0] == '@';
+    const app_path paths[] = {{"scheme", values.scheme, LG_FILE_READ, NULL},
+                              {"gradient", weights ? values.gradient + 1 : NULL, LG_FILE_READ, NULL},
+                              {"out", files.out, LG_FILE_WRITTEN, kind},
+                              {"save", files.trajectories, LG_FILE_WRITTEN, "ensemble-trajectories"},
+                              /* Rank 0 merges the parts of all ranks into the file of --out. */
+                              {"out", self->rank_count > 1 ? values.out : NULL, LG_FILE_WRITTEN, kind}};
+    app_check_outputs(self, paths, LG_COUNT(paths));
     simulation_open(self, &values, self->arguments[0], &sim);
     if (values.ensemble > 0)
         ensemble(&sim, &files);

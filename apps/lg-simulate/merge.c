@@ -56,17 +56,12 @@ static void check_whole(const app *self, const part_list *list) {
 
 enum { RUN_SIZE = 4096 };
 
-/* Returns whether the file holds trajectories. A pattern like out.part-* also matches the parts'
- * trajectories. */
-static bool is_rows(const app *self, const char *path) {
-    lg_rows_about about;
-    return strstr(path, ".trajectories") != NULL &&
-           lg_rows_file_look(self->context, path, &about, NULL, 0, NULL) == LG_OK;
-}
-
+/* A pattern like out.part-* also matches the parts' trajectories. */
 static void read_parts(const app *self, part_list *list, const char *const *paths, size_t count) {
     for (size_t i = 0; i < count; i++) {
-        if (is_rows(self, paths[i])) {
+        lg_rows_about about;
+        if (strstr(paths[i], ".trajectories") != NULL &&
+            lg_rows_file_look(self->context, paths[i], &about, NULL, 0, NULL) == LG_OK) {
             list->given[list->given_count++] = paths[i];
             continue;
         }
@@ -124,11 +119,7 @@ static void find_rows(const app *self, part_list *list, const char *out) {
         list->dim = about.dim;
         list->rows[list->row_count++] = (lg_rows_part){path, about.rows};
     }
-}
-
-/* Warns of given trajectories that belong to no given part; an earlier run may have left them. */
-static void tell_of_unused(const app *self, const part_list *list) {
-    for (size_t i = 0; i < list->given_count; i++) {
+    for (size_t i = 0; i < list->given_count; i++) { /* an earlier run may have left them */
         bool used = false;
         for (size_t k = 0; k < list->row_count && !used; k++)
             used = app_same_file(list->given[i], list->rows[k].path);
@@ -155,12 +146,10 @@ void merge_parts(const app *self, const char *out, const char *const *paths, siz
     result *whole = &list.parts[0].is;
     for (size_t i = 1; i < list.count; i++)
         APP_MUST_FILE(self, list.parts[i].path, result_merge(whole, &list.parts[i].is, &error));
-    if (statistics_only) {
+    if (statistics_only)
         whole->saved = 0;
-    } else {
+    else
         find_rows(self, &list, out);
-        tell_of_unused(self, &list);
-    }
     const result_rows rows = {list.rows, list.row_count, list.dim};
     APP_MUST_FILE(self, out, result_write(self, out, whole, list.row_count > 0 ? &rows : NULL, &error));
     app_plot_draw(self, 0, whole);

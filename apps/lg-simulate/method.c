@@ -31,13 +31,6 @@ static char *method_names(const simulation *sim, bool applicable, bool adaptive)
     return names.data;
 }
 
-static void refuse_if_impossible(const simulation *sim, const char *option, const lg_scheme *scheme) {
-    const char *obstacle = method_obstacle(sim, scheme);
-    if (obstacle != NULL)
-        app_stop_usage(sim->self, "--%s: '%s' does not apply to %s: %s; methods that apply: %s", option,
-                       scheme->name, sim->title, obstacle, method_names(sim, true, false));
-}
-
 void check_control(const simulation *sim, const lg_scheme *scheme) {
     const app *self = sim->self;
     if (sim->values->steps > 0 || scheme->embedded_order > 0) return;
@@ -60,7 +53,10 @@ method method_named(const simulation *sim, const char *option, const char *name)
     if (scheme == NULL)
         app_stop_usage(sim->self, "--%s: '%s' is not one of %s", option, name,
                        method_names(sim, false, false));
-    refuse_if_impossible(sim, option, scheme);
+    const char *obstacle = method_obstacle(sim, scheme);
+    if (obstacle != NULL)
+        app_stop_usage(sim->self, "--%s: '%s' does not apply to %s: %s; methods that apply: %s", option,
+                       scheme->name, sim->title, obstacle, method_names(sim, true, false));
     return (method){*scheme, file};
 }
 

@@ -43,14 +43,6 @@ static void put_components(app_plot *plot, const report *what, const char *key) 
     app_plot_block(plot);
 }
 
-/* The first component of q against the first component of p, on R^2n. */
-static void put_phase(app_plot *plot, const report *what, const block *q, const block *p) {
-    app_plot_text(plot, q->count > 1 ? "phase\tq_1\tp_1" : "phase\tq\tp");
-    APP_PLOT_COLUMNS(plot, 9, what->path->kept, {state_at(what, 0) + q->offset, what->sim->dim, 1},
-                     {state_at(what, 0) + p->offset, what->sim->dim, 1});
-    app_plot_block(plot);
-}
-
 /* ---- panels ---- */
 
 /* Draws over time the drift of the invariants, the distance from the manifold, the sizes of the steps, or the
@@ -76,10 +68,15 @@ static void put_overview(app_plot *plot, const report *what) {
         if (strcmp(sim->blocks[i].key, first) != 0) second = sim->blocks[i].key;
     put_panel(plot, what, first);
     put_panel(plot, what, what->seen->invariants > 0 ? "invariants" : second);
-    if (!constrained && q != NULL && p != NULL)
-        put_phase(plot, what, q, p);
-    else
+    if (!constrained && q != NULL && p != NULL) { /* their first components, on R^2n */
+        const double *y = state_at(what, 0);
+        app_plot_text(plot, q->count > 1 ? "phase\tq_1\tp_1" : "phase\tq\tp");
+        APP_PLOT_COLUMNS(plot, 9, what->path->kept, {y + q->offset, sim->dim, 1},
+                         {y + p->offset, sim->dim, 1});
+        app_plot_block(plot);
+    } else {
         put_panel(plot, what, constrained ? "manifold" : second);
+    }
     put_panel(plot, what, what->how->control.steps == 0 ? "steps" : second);
 }
 
@@ -154,44 +151,37 @@ static const struct space_plot *find_space(const simulation *sim) {
     return NULL;
 }
 
-static void put_sphere(app_plot *plot, const report *what, const sphere_curve *curve) {
-    double vector[3] = {0, 0, 0};
-    size_t count = 0;
-    vector[curve->axis] = 1;
-    const block *at = find_block(what->sim, curve->key, 1);
-    const double *by =
-        curve->parameter != NULL ? parameter_values(what->sim, curve->parameter, &count) : vector;
-    app_plot_text(plot, "%s\t%d\t%.17g\t%.17g\t%.17g", curve->title, at->count == 9, by[0], by[1], by[2]);
-    APP_PLOT_COLUMNS(plot, 9, what->path->kept, {state_at(what, 0) + at->offset, what->sim->dim, at->count});
-    app_plot_block(plot);
-}
-
-/* The path of one point of a moving system, and some snapshots of the whole. */
-static void put_path(app_plot *plot, const report *what, put_motion *put) {
-    const size_t kept = what->path->kept, count = kept < SNAPSHOTS ? kept : (size_t)SNAPSHOTS;
+/* Curves on the sphere, or the path of one point of a moving system and some snapshots of the whole. */
+static void put_space(app_plot *plot, const void *user) {
+    const report *what = user;
+    const struct space_plot *row = find_space(what->sim);
+    const size_t kept = what->path->kept;
+    app_plot_text(plot, "%s", row->title);
+    if (row->motion == NULL) plot->script = "sphere";
+    for (const sphere_curve *curve = row->curves; curve->key != NULL; curve++) {
+        double vector[3] = {0, 0, 0};
+        size_t numbers = 0;
+        vector[curve->axis] = 1;
+        const block *at = find_block(what->sim, curve->key, 1);
+        const double *by =
+            curve->parameter != NULL ? parameter_values(what->sim, curve->parameter, &numbers) : vector;
+        app_plot_text(plot, "%s\t%d\t%.17g\t%.17g\t%.17g", curve->title, at->count == 9, by[0], by[1], by[2]);
+        APP_PLOT_COLUMNS(plot, 9, kept, {state_at(what, 0) + at->offset, what->sim->dim, at->count});
+        app_plot_block(plot);
+    }
+    if (row->motion == NULL) return;
+    const size_t count = kept < SNAPSHOTS ? kept : (size_t)SNAPSHOTS;
     app_plot_text(plot, "%zu", lg_system_links(what->sim->system));
-    for (size_t i = 0; i < kept; i++) put(plot, what, state_at(what, i), false);
+    for (size_t i = 0; i < kept; i++) row->motion(plot, what, state_at(what, i), false);
     for (size_t k = 0; k < count; k++) {
         const size_t at = count > 1 ? k * (kept - 1) / (count - 1) : 0;
         app_plot_block(plot);
         app_plot_text(plot, "t = %.3g s", time_at(what)[at]);
-        put(plot, what, state_at(what, at), true);
+        row->motion(plot, what, state_at(what, at), true);
     }
 }
 
 /* ---- the plots ---- */
-
-static void put_space(app_plot *plot, const void *user) {
-    const report *what = user;
-    const struct space_plot *row = find_space(what->sim);
-    app_plot_text(plot, "%s", row->title);
-    if (row->motion != NULL) {
-        put_path(plot, what, row->motion);
-        return;
-    }
-    plot->script = "sphere";
-    for (const sphere_curve *at = row->curves; at->key != NULL; at++) put_sphere(plot, what, at);
-}
 
 /* The numbers of the steps, and the panels of the kind. */
 static void put_run(app_plot *plot, const void *user) {

@@ -97,15 +97,10 @@ static lg_status measure(const diagram *d, const plan *how, point *out) {
     return status == LG_OK && !isfinite(out->error) ? LG_NOT_FINITE : status;
 }
 
-static size_t first_steps(const diagram *d) {
-    if (d->sim->values->steps > 0) return (size_t)d->sim->values->steps;
-    size_t steps = 16; /* at least 16, and so many that h <= 1/8 */
-    while ((double)steps < 8 * d->sim->t_end && steps < (size_t)1 << 30) steps *= 2;
-    return steps;
-}
-
 static lg_status fill_curve(const diagram *d, curve *at) {
-    size_t steps = first_steps(d);
+    const bool given = d->sim->values->steps > 0;
+    size_t steps = given ? (size_t)d->sim->values->steps : 16; /* or so many that h <= 1/8 */
+    while (!given && (double)steps < 8 * d->sim->t_end && steps < (size_t)1 << 30) steps *= 2;
     double tol = app_given(d->sim->self, "tolerance") ? d->sim->values->tolerance : 1e-3;
     for (size_t level = 0; level < (size_t)d->sim->values->levels; level++, steps *= 2, tol /= 10) {
         point *to = &at->points[at->count];
@@ -125,7 +120,8 @@ static lg_status fill_curve(const diagram *d, curve *at) {
 
 /* ---- choosing the methods ---- */
 
-static void add_curve(diagram *d, method what) {
+static void add_curve(diagram *d, const char *option, const char *name) {
+    method what = method_named(d->sim, option, name);
     method_adjust(d->sim, &what);
     d->curves[d->count++] = (curve){.what = what, .adaptive = what.scheme.embedded_order > 0};
 }
@@ -138,31 +134,12 @@ static void add_list(diagram *d, const char *list, bool asked) {
         if (!asked && method_obstacle(d->sim, lg_scheme_find(name)) != NULL) continue;
         if (d->count == CURVES)
             app_stop_usage(d->sim->self, "--schemes: at most %d schemes can be given", CURVES);
-        add_curve(d, method_named(d->sim, "schemes", name));
+        add_curve(d, "schemes", name);
     }
     if (d->count == 0) app_stop_usage(d->sim->self, "--schemes: the list has no name");
 }
 
 /* ---- results ---- */
-
-/* Order observed between point i - 1 and point i, if the number of equal steps doubles; otherwise NaN. */
-static double order_at(const curve *at, size_t i) {
-    if (at->adaptive || i == 0 || at->points[i].stats.steps != 2 * at->points[i - 1].stats.steps)
-        return (double)NAN;
-    return log2(at->points[i - 1].error / at->points[i].error);
-}
-
-static void put_point(app_json *out, const curve *at, size_t i) {
-    const point *p = &at->points[i];
-    app_json_open(out, NULL, '{');
-    app_json_text(out, "method", at->what.scheme.name);
-    if (p->tol > 0 || out->people) app_json_real(out, "tol", p->tol > 0 ? p->tol : (double)NAN);
-    APP_PUT(out, LG_AS_WHOLE("steps", p->stats.steps), LG_AS_WHOLE("rejected", p->stats.rejected),
-            LG_AS_WHOLE("evaluations", p->stats.evaluations), LG_AS_REAL("seconds", p->seconds),
-            LG_AS_REAL("error", p->error));
-    if (out->people) app_json_real(out, "order", order_at(at, i));
-    app_json_close(out, '}');
-}
 
 static void report_diagram(const diagram *d) {
     app_json *out = d->sim->self->out;
@@ -175,8 +152,19 @@ static void report_diagram(const diagram *d) {
                     "%.0e;\nit differs by %.1e from a run at tolerance %.0e. Seconds are CPU time.\n",
                     d->reference, d->tol, d->reference_error, 10 * d->tol);
     app_result_rows(out, "work_precision");
-    for (size_t c = 0; c < d->count; c++)
-        for (size_t i = 0; i < d->curves[c].count; i++) put_point(out, &d->curves[c], i);
+    for (const curve *at = d->curves; at < d->curves + d->count; at++)
+        for (const point *p = at->points; p < at->points + at->count; p++) {
+            const bool doubled = !at->adaptive && p > at->points && p->stats.steps == 2 * p[-1].stats.steps;
+            app_json_open(out, NULL, '{');
+            app_json_text(out, "method", at->what.scheme.name);
+            if (p->tol > 0 || out->people) app_json_real(out, "tol", p->tol > 0 ? p->tol : (double)NAN);
+            APP_PUT(out, LG_AS_WHOLE("steps", p->stats.steps), LG_AS_WHOLE("rejected", p->stats.rejected),
+                    LG_AS_WHOLE("evaluations", p->stats.evaluations), LG_AS_REAL("seconds", p->seconds),
+                    LG_AS_REAL("error", p->error));
+            if (out->people)
+                app_json_real(out, "order", doubled ? log2(p[-1].error / p->error) : (double)NAN);
+            app_json_close(out, '}');
+        }
     app_result_rows_end(out);
 }
 
@@ -230,7 +218,7 @@ void work_precision(simulation *sim) {
     d.y = app_keep(sim->dim, sizeof *d.y);
     d.curves = app_keep(CURVES + 1, sizeof *d.curves);
     add_list(&d, list, values->schemes != NULL);
-    if (values->scheme != NULL) add_curve(&d, method_named(sim, "scheme", values->scheme));
+    if (values->scheme != NULL) add_curve(&d, "scheme", values->scheme);
     find_reference(&d);
     fill(&d);
     app_plot_row(sim->self, &plot, &d);

@@ -161,10 +161,15 @@ static void horizon_warn(const simulation *sim, const plan *how, const double *y
 
 /* ---- the file of --out; the writer remembers the first error, and the commit returns it ---- */
 
-static void put_texts(const report *what, const lg_archive_writer *to) {
-    char steps[32];
+/* Writes texts, /t (M), /trajectory (M, d), and /invariants/NAME (M) for each invariant. */
+static void put_run(const report *what, const lg_archive_writer *to) {
     const lg_system *system = what->sim->system;
-    (void)snprintf(steps, sizeof steps, "%zu", what->run->stats.steps);
+    const size_t d = what->sim->reported, dim = what->sim->dim, kept = what->path->kept;
+    const double *t = what->path->t + what->path->first, *y = what->path->y + what->path->first * dim;
+    const uint64_t dims[] = {kept, d};
+    APP_FREE double *rows = app_alloc(kept, (d + 1) * sizeof *rows);
+    double *values = rows + kept * d;
+    APP_FREE char *steps = app_format("%zu", what->run->stats.steps);
     const char *const texts[][2] = {{"system", lg_system_name(system)},
                                     {"form", lg_system_form(system)},
                                     {"layout", lg_system_layout(system)},
@@ -172,30 +177,13 @@ static void put_texts(const report *what, const lg_archive_writer *to) {
                                     {"steps", steps}};
     for (size_t i = 0; i < LG_COUNT(texts); i++)
         if (texts[i][1] != NULL) (void)to->text(to->user, texts[i][0], texts[i][1]);
-}
-
-/* Writes /t (M) and /trajectory (M, d). */
-static void put_states(const report *what, const lg_archive_writer *to) {
-    const samples *path = what->path;
-    const size_t d = what->sim->reported, dim = what->sim->dim;
-    const uint64_t dims[] = {path->kept, d};
-    APP_FREE double *rows = app_alloc(path->kept, d * sizeof *rows);
-    for (size_t i = 0; i < path->kept; i++)
-        memcpy(rows + i * d, path->y + (path->first + i) * dim, d * sizeof *rows);
-    (void)to->array(to->user, "t", LG_ELEMENT_F64, 1, dims, path->t + path->first);
+    for (size_t i = 0; i < kept; i++) memcpy(rows + i * d, y + i * dim, d * sizeof *rows);
+    (void)to->array(to->user, "t", LG_ELEMENT_F64, 1, dims, t);
     (void)to->array(to->user, "trajectory", LG_ELEMENT_F64, 2, dims, rows);
-}
-
-/* Writes /invariants/NAME (M) for each invariant. */
-static void put_invariants(const report *what, const lg_archive_writer *to) {
-    const samples *path = what->path;
-    const uint64_t dims[] = {path->kept};
-    APP_FREE double *values = app_alloc(path->kept, sizeof *values);
     for (size_t k = 0; k < what->seen->invariants; k++) {
-        APP_FREE char *name = app_format("invariants/%s", lg_system_invariant_name(what->sim->system, k));
-        for (size_t i = 0; i < path->kept; i++)
-            values[i] = lg_system_invariant(what->sim->system, k,
-                                            path->y + (path->first + i) * what->sim->dim, what->seen->work);
+        APP_FREE char *name = app_format("invariants/%s", lg_system_invariant_name(system, k));
+        for (size_t i = 0; i < kept; i++)
+            values[i] = lg_system_invariant(system, k, y + i * dim, what->seen->work);
         (void)to->array(to->user, name, LG_ELEMENT_F64, 1, dims, values);
     }
 }
@@ -209,10 +197,89 @@ static lg_status write_trajectory(const report *what, lg_error *error) {
     LG_TRY(lg_file_writer_create(self->context, what->sim->values->out, "trajectory", &provenance, &writer,
                                  error));
     (void)app_had_memory(lg_file_writer_archive(writer, "", &to));
-    put_texts(what, &to);
-    put_states(what, &to);
-    put_invariants(what, &to);
+    put_run(what, &to);
     return lg_file_writer_commit(writer, error);
+}
+
+/* ---- what is printed ---- */
+
+enum { SHOWN_BLOCKS = 14 };
+
+static void show_block(FILE *to, const block *at, const double *y) {
+    char name[48];
+    block_name(at, name, sizeof name);
+    for (size_t i = 0; i < at->count; i++) {
+        if (i % at->columns == 0 && (i == 0 || at->columns > 1))
+            (void)fprintf(to, "%s%-8s", i > 0 ? "\n" : "", i > 0 ? "" : name);
+        (void)fprintf(to, " %23.16g", y[at->offset + i]);
+    }
+    (void)fputc('\n', to);
+}
+
+/* Writes a state. For people each block is printed on its own lines; of many blocks only the first ones and
+ * the last. */
+static void put_state(app_json *out, const char *key, const simulation *sim, const double *y) {
+    const size_t n = sim->block_count, shown = n <= SHOWN_BLOCKS ? n : SHOWN_BLOCKS - 2;
+    app_json_reals(out, key, y, sim->reported);
+    app_result_line(out, "%s:", key);
+    for (size_t i = 0; i < shown && out->people; i++) show_block(out->stream, &sim->blocks[i], y);
+    if (shown == n || !out->people) return;
+    app_result_line(out, "... (--json prints all, --out writes them)");
+    show_block(out->stream, &sim->blocks[n - 1], y);
+}
+
+static void put_gradient(app_json *out, const report *what) {
+    const simulation *sim = what->sim;
+    const gradient *slope = what->slope;
+    char label[64];
+    app_result_real(out, "J", slope->j, "its gradient by the start, projected onto the tangent space,");
+    put_state(out, "dJ_dy0", sim, slope->dy0);
+    app_result_line(out, "and in the parameters:");
+    app_json_open(out, "dJ_dparameters", '{');
+    for (size_t i = 0; i < lg_system_parameter_count(sim->system); i++) {
+        lg_system_parameter_label(sim->system, i, label);
+        app_result_real(out, label, slope->dparameters[i], NULL);
+    }
+    app_json_close(out, '}');
+    APP_PUT(out, APP_WHOLE("checkpoints", slope->stats.checkpoints, NULL),
+            APP_WHOLE("state_bytes", slope->stats.states_size, NULL),
+            APP_WHOLE("tape_bytes", slope->stats.tape_size, NULL),
+            APP_REAL("gradient_seconds", slope->stats.seconds, NULL));
+}
+
+static void report_run(const report *what) {
+    const simulation *sim = what->sim;
+    const plan *how = what->how;
+    const watch *seen = what->seen;
+    const lg_scheme *scheme = how->scheme;
+    app_json *out = sim->self->out;
+    APP_PUT(out, APP_TEXT("system", lg_system_name(sim->system), NULL),
+            APP_TEXT("form", lg_system_form(sim->system), NULL),
+            LG_AS_TEXT("layout", lg_system_layout(sim->system)), APP_TEXT("method", scheme->name, NULL));
+    if (scheme->kind == LG_SCHEME_SLGI || scheme->kind == LG_SCHEME_IMPLICIT)
+        app_result_real(out, "theta", scheme->theta, NULL);
+    if (how->control.steps > 0) {
+        app_result_real(out, "h", how->t_end / (double)how->control.steps, NULL);
+    } else {
+        APP_PUT(out, APP_REAL("rtol", how->control.rtol, NULL),
+                APP_REAL(how->control.atol < 0 ? "atol_of_size" : "atol", fabs(how->control.atol), NULL));
+    }
+    APP_PUT(out, APP_WHOLE("steps", what->run->stats.steps, NULL),
+            APP_WHOLE("rejected", what->run->stats.rejected, NULL),
+            APP_WHOLE("evaluations", what->run->stats.evaluations, "of the field"),
+            APP_REAL("seconds", what->run->seconds, NULL), APP_REAL("t", how->t_end, NULL));
+    put_state(out, "y", sim, what->path->y + (what->path->count - 1) * sim->dim);
+    app_result_named(out, "invariants", "invariant");
+    for (size_t i = 0; i < seen->invariants; i++)
+        APP_OBJECT(out, lg_system_invariant_name(sim->system, i), LG_AS_REAL("start", seen->start[i]),
+                   LG_AS_REAL("end", seen->end[i]), LG_AS_REAL("max_drift", seen->drift[i]));
+    app_result_rows_end(out);
+    APP_PUT(out, APP_REAL("manifold_error", seen->manifold, "largest violation of a constraint"),
+            LG_AS_REAL("max_angle", what->run->stats.max_angle));
+    if (sim->scene.projected) app_json_real(out, "projection", sim->scene.projection);
+    if (what->slope != NULL) put_gradient(out, what);
+    if (sim->values->out != NULL)
+        APP_PUT(out, APP_TEXT("out", sim->values->out, NULL), APP_WHOLE("points", what->path->kept, NULL));
 }
 
 /* ---- one run ---- */
@@ -245,25 +312,20 @@ static void fail_run(const simulation *sim, const plan *how, const outcome *run,
     }
 }
 
-/* Writes the points that were reached before Ctrl-C to --out. */
-static void keep_begun(const report *what, samples *path) {
-    const char *out = what->sim->values->out;
-    lg_error error = {LG_OK, ""};
-    while (path->kept > 0 && path->t[path->first + path->kept - 1] > what->run->t) path->kept--;
-    if (out == NULL || path->kept == 0) return;
-    if (write_trajectory(what, &error) == LG_OK)
-        app_warn(what->sim->self, "%s holds the %zu points reached", out, path->kept);
-}
-
-/* Integrates from the start to the times of `path`, observed by `seen`. */
+/* Integrates from the start to the times of `path`, observed by `seen`. Writes the points that were reached
+ * before Ctrl-C to --out. */
 static void run_plan(const report *what, const plan *how, watch *seen, samples *path, outcome *out) {
     const simulation *sim = what->sim;
+    const char *file = sim->values->out;
     lg_error error = {LG_OK, ""};
     memcpy(path->y, sim->scene.state, sim->dim * sizeof *path->y);
     const lg_status status = integrate(sim, how, path->y, path->y + sim->dim, out, &error);
     out->seconds -= seen->spent;
     if (out->seconds < 0) out->seconds = 0;
-    if (status == LG_CANCELLED) keep_begun(what, path);
+    while (status == LG_CANCELLED && path->kept > 0 && path->t[path->first + path->kept - 1] > out->t)
+        path->kept--;
+    if (status == LG_CANCELLED && file != NULL && path->kept > 0 && write_trajectory(what, &error) == LG_OK)
+        app_warn(sim->self, "%s holds the %zu points reached", file, path->kept);
     if (status != LG_OK) fail_run(sim, how, out, status, &error);
     watch_warn(seen, how, out);
 }

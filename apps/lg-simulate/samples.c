@@ -20,24 +20,6 @@ static void allocate(const simulation *sim, size_t inner, samples *out) {
     out->t[out->count - 1] = sim->t_end;
 }
 
-/* Every k-th step and the last step. */
-static void from_steps(const simulation *sim, size_t steps, samples *out) {
-    const size_t intervals = default_points(sim, POINTS_OF_STEPS) - 1;
-    const size_t every = (steps + intervals - 1) / intervals, inner = (steps - 1) / every;
-    allocate(sim, inner, out);
-    for (size_t i = 1; i <= inner; i++) out->t[i] = (double)(i * every) * (sim->t_end / (double)steps);
-}
-
-/* The given times. 0 and t_end have rows in any case, so they are not counted as inner times. */
-static void given(const simulation *sim, const lg_reals *times, samples *out) {
-    const bool from_zero = times->values[0] == 0, to_end = times->values[times->count - 1] == sim->t_end;
-    const size_t inner = times->count - from_zero - to_end;
-    allocate(sim, inner, out);
-    for (size_t i = 0; i < inner; i++) out->t[i + 1] = times->values[i + from_zero];
-    out->first = from_zero ? 0 : 1;
-    out->kept = times->count;
-}
-
 /* Ends the command if a time lies between equal steps and the scheme has no dense output. */
 static void check_steps(const simulation *sim, const plan *how, const samples *path) {
     const double h = how->t_end / (double)how->control.steps;
@@ -60,22 +42,31 @@ static void check_steps(const simulation *sim, const plan *how, const samples *p
 
 void samples_times(const simulation *sim, size_t otherwise, samples *out) {
     const size_t points = sim->values->points > 0 ? (size_t)sim->values->points : otherwise;
-    if (sim->values->times.count > 0) {
-        given(sim, &sim->values->times, out);
+    const lg_reals *times = &sim->values->times;
+    if (times->count == 0) {
+        allocate(sim, points - 2, out);
+        for (size_t i = 1; i + 1 < points; i++) out->t[i] = sim->t_end * ((double)i / (double)(points - 1));
         return;
     }
-    allocate(sim, points - 2, out);
-    for (size_t i = 1; i + 1 < points; i++) out->t[i] = sim->t_end * ((double)i / (double)(points - 1));
+    /* 0 and t_end have rows in any case, so they are not counted as inner times. */
+    const bool from_zero = times->values[0] == 0, to_end = times->values[times->count - 1] == sim->t_end;
+    const size_t inner = times->count - from_zero - to_end;
+    allocate(sim, inner, out);
+    for (size_t i = 0; i < inner; i++) out->t[i + 1] = times->values[i + from_zero];
+    out->first = from_zero ? 0 : 1;
+    out->kept = times->count;
 }
 
 void samples_choose(const simulation *sim, const plan *how, bool wanted, samples *out) {
     const simulate_values *values = sim->values;
-    if (!wanted)
-        allocate(sim, 0, out);
-    else if (values->times.count == 0 && values->points == 0 && how->control.steps > 0)
-        from_steps(sim, how->control.steps, out);
-    else
+    const size_t steps = how->control.steps, intervals = default_points(sim, POINTS_OF_STEPS) - 1;
+    if (wanted && (values->times.count > 0 || values->points > 0 || steps == 0)) {
         samples_times(sim, default_points(sim, POINTS), out);
+    } else { /* every k-th step and the last step */
+        const size_t every = (steps + intervals - 1) / intervals, inner = wanted ? (steps - 1) / every : 0;
+        allocate(sim, inner, out);
+        for (size_t i = 1; i <= inner; i++) out->t[i] = (double)(i * every) * (sim->t_end / (double)steps);
+    }
     out->y = app_keep(out->count, sim->dim * sizeof *out->y);
     check_steps(sim, how, out);
 }

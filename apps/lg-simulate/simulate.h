@@ -186,7 +186,6 @@ typedef struct report {
     const samples *path;
     const gradient *slope; /* NULL without --gradient */
 } report;
-void report_run(const report *what); /* in report.c */
 
 /* plots.c: the plots of a run, and the bits that they need. */
 extern const app_plot_kind simulate_plots[];

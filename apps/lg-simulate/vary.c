@@ -270,17 +270,6 @@ static double draw_number(lg_rng *rng, const vary_item *item, double own) {
     }
 }
 
-static void draw_item(lg_rng *rng, const vary_item *item, double *x) {
-    if (item->kind == SPHERE)
-        draw_direction(rng, x);
-    else if (item->kind == CONE)
-        draw_cone(rng, item->value[0], x);
-    else if (item->kind == ROTATION)
-        draw_rotation(rng, x);
-    else
-        for (size_t i = 0; i < item->count; i++) x[i] = draw_number(rng, item, x[i]);
-}
-
 static double *number_at(const simulation *sim, size_t component, double *y0, double *parameters) {
     return component < sim->dim ? y0 + component : parameters + (component - sim->dim);
 }
@@ -300,7 +289,15 @@ lg_status vary_draw(void *user, uint64_t member, double *y0, double *parameters)
     }
     for (size_t i = 0; i < self->count; i++) {
         const vary_item *item = &self->items[i];
-        draw_item(&rng, item, number_at(sim, item->offset, y0, parameters));
+        double *x = number_at(sim, item->offset, y0, parameters);
+        if (item->kind == SPHERE)
+            draw_direction(&rng, x);
+        else if (item->kind == CONE)
+            draw_cone(&rng, item->value[0], x);
+        else if (item->kind == ROTATION)
+            draw_rotation(&rng, x);
+        else
+            for (size_t k = 0; k < item->count; k++) x[k] = draw_number(&rng, item, x[k]);
     }
     for (uint32_t c = 0; c < self->table.columns; c++)
         *number_at(sim, self->column[c], y0, parameters) =

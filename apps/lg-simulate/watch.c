@@ -24,24 +24,22 @@ static void merge_rows(double *into, const double *row, size_t width) {
     for (size_t i = 1; i < width; i++) into[i] = larger(into[i], row[i]);
 }
 
-/* Merges pairs of rows; from now on each row stands for twice as many steps. */
-static void thin_out(trace *at) {
-    for (size_t i = 0; i < at->count / 2; i++) {
-        double *to = at->rows + i * at->width;
-        memmove(to, at->rows + 2 * i * at->width, at->width * sizeof *to);
-        merge_rows(to, at->rows + (2 * i + 1) * at->width, at->width);
-    }
-    at->count /= 2;
-    at->stride *= 2;
-}
-
+/* If there is no room, pairs of rows are merged; from then on each row stands for twice as many steps. */
 static void trace_add(trace *at, const double *row) {
-    if (at->pending > 0) {
-        merge_rows(at->rows + (at->count - 1) * at->width, row, at->width);
-    } else {
-        if (at->count == TRACE_MAX) thin_out(at);
-        memcpy(at->rows + at->count++ * at->width, row, at->width * sizeof *row);
+    const size_t size = at->width * sizeof *row;
+    if (at->pending == 0 && at->count == TRACE_MAX) {
+        at->count /= 2;
+        at->stride *= 2;
+        for (size_t i = 0; i < at->count; i++) {
+            double *to = at->rows + i * at->width;
+            memmove(to, at->rows + 2 * i * at->width, size);
+            merge_rows(to, at->rows + (2 * i + 1) * at->width, at->width);
+        }
     }
+    if (at->pending > 0)
+        merge_rows(at->rows + (at->count - 1) * at->width, row, at->width);
+    else
+        memcpy(at->rows + at->count++ * at->width, row, size);
     at->pending = (at->pending + 1) % at->stride;
 }
 
@@ -100,25 +98,6 @@ void watch_again(watch *self, const double *y0) {
     if (self->energetic) look_at_kinetic(self, y0);
 }
 
-static void record(watch *self, double t, double h) {
-    if (self->steps == self->room) {
-        self->room = self->room > 0 ? 2 * self->room : 1024;
-        self->t = grown(self->t, self->steps, self->room);
-        self->h = grown(self->h, self->steps, self->room);
-    }
-    self->t[self->steps] = t;
-    self->h[self->steps++] = h;
-}
-
-static void add_to_trace(watch *self, double t, double h, double manifold) {
-    double *row = self->trace.rows + TRACE_MAX * self->trace.width; /* behind the rows */
-    row[0] = t + h;
-    row[1] = h;
-    row[2] = manifold;
-    for (size_t i = 0; i < self->invariants; i++) row[3 + i] = fabs(self->end[i] - self->start[i]);
-    trace_add(&self->trace, row);
-}
-
 lg_status watch_step(void *user, double t, double h, const double *y) {
     watch *self = user;
     const double begin = app_seconds();
@@ -129,8 +108,23 @@ lg_status watch_step(void *user, double t, double h, const double *y) {
         self->drift[i] = larger(self->drift[i], fabs(self->end[i] - self->start[i]));
     }
     if (self->energetic) look_at_kinetic(self, y);
-    if (self->traced) add_to_trace(self, t, h, manifold);
-    if (self->recorded) record(self, t, h);
+    if (self->traced) {
+        double *row = self->trace.rows + TRACE_MAX * self->trace.width; /* behind the rows */
+        row[0] = t + h;
+        row[1] = h;
+        row[2] = manifold;
+        for (size_t i = 0; i < self->invariants; i++) row[3 + i] = fabs(self->end[i] - self->start[i]);
+        trace_add(&self->trace, row);
+    }
+    if (self->recorded && self->steps == self->room) {
+        self->room = self->room > 0 ? 2 * self->room : 1024;
+        self->t = grown(self->t, self->steps, self->room);
+        self->h = grown(self->h, self->steps, self->room);
+    }
+    if (self->recorded) {
+        self->t[self->steps] = t;
+        self->h[self->steps++] = h;
+    }
     self->spent += app_seconds() - begin;
     return LG_OK;
 }

@@ -66,6 +66,7 @@ LG_BEGIN_DECLS
 #define LG_POLICY_ERRORS      48 /* most numbers in z */
 #define LG_POLICY_HIDDEN      4
 #define LG_POLICY_GAINS       256 /* most numbers of K in a task */
+#define LG_POLICY_SUBSTEPS    1000
 
 typedef enum lg_policy_kind { LG_POLICY_LQR, LG_POLICY_NETWORK, LG_POLICY_ENERGY } lg_policy_kind;
 #define LG_POLICY_KIND_COUNT 3
@@ -161,7 +162,7 @@ typedef struct lg_policy_task {
     double delay;
     uint32_t draws;
     double spread;     /* of these machines: standard deviation of each learned number, over its size */
-    uint32_t substeps; /* steps of the integrator in a period; 0: as many as keep its error below 1e-4 */
+    uint32_t substeps; /* of the integrator in a period, at most LG_POLICY_SUBSTEPS; 0: error below 1e-4 */
 } lg_policy_task;
 LG_API void lg_policy_task_init(lg_policy_task *task);
 

@@ -154,9 +154,9 @@ typedef struct lg_spectrum {
     uint32_t length, segment, segments, hop;
     uint32_t bins, bands;                 /* bins: segment/2, without bin 0 */
     uint32_t edge[LG_SPECTRUM_BANDS + 1]; /* band b has the bins edge[b] .. edge[b + 1] - 1 */
-    /* (segment, 2 bins): row t has h_t cos(2 pi k t/n) for all bins k, then h_t sin(2 pi k t/n), all divided
-     * by sqrt(sum h_t^2). */
-    double *wave;
+    /* (segment, 2 bins): row t has h_t cos(2 pi k t/n) for all bins k, then h_t sin(2 pi k t/n), where h is
+     * the taper (segment), with sum h_t^2 = 1. The others (segment) are cos(2 pi t/n) and sin(2 pi t/n). */
+    double *wave, *taper, *cosine, *sine;
     const lg_context *context; /* in whose memory `wave` is */
 } lg_spectrum;
 
@@ -168,15 +168,10 @@ LG_API uint32_t lg_spectrum_bands(uint32_t length, uint32_t wanted);
 LG_API lg_status lg_spectrum_create(const lg_context *context, uint32_t length, uint32_t bands,
                                     lg_spectrum *out, lg_error *error);
 LG_API void lg_spectrum_destroy(lg_spectrum *spectrum);
-/* Number of doubles of work memory for the two functions below. */
+/* Number of doubles of work memory for lg_spectrum_powers. */
 LG_API size_t lg_spectrum_work(const lg_spectrum *spectrum);
 /* Computes power (bands) of the series z (length). */
 LG_API void lg_spectrum_powers(const lg_spectrum *spectrum, const double *z, double *power, double *work);
-/* The vjp of lg_spectrum_powers: adds to gradient (length) the derivative of sum_b cotangent_b power_b with
- * respect to z. cotangent (bands). `work` must be as lg_spectrum_powers left it; the derivative is taken at
- * the z of that call. */
-LG_API void lg_spectrum_reverse(const lg_spectrum *spectrum, const double *cotangent, double *gradient,
-                                const double *work);
 
 /* ---- quality of a classification ---- */
 

@@ -28,12 +28,7 @@ static lg_var scaled(lg_tape *t, const lg_detector *model, const lg_var *theta, 
     return lg_transpose(t, lg_mul(t, x, lg_reshape(t, theta[INVERSE_SCALE], column)));
 }
 
-static lg_var logits(lg_tape *t, const lg_detector *model, const lg_var *theta, lg_var x) {
-    return lg_cnn_record(t, &model->net, theta[THETA], 0, scaled(t, model, theta, x), NULL);
-}
-
-/* Like logits, but with the recording of the network that suits programs with derivatives
- * (lg_cnn_record_apart). */
+/* With the recording of the network that suits programs with derivatives. */
 static lg_var logits_apart(lg_tape *t, const lg_detector *model, const lg_var *theta, lg_var x) {
     return lg_cnn_record_apart(t, &model->net, theta[THETA], scaled(t, model, theta, x));
 }
@@ -50,7 +45,8 @@ static lg_var probabilities(lg_tape *t, const lg_detector *model, lg_var y) {
 }
 
 static lg_status value(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
-    y[0] = logits(t, user, theta, x[0]);
+    const lg_detector *model = user;
+    y[0] = lg_cnn_record(t, &model->net, theta[THETA], 0, scaled(t, model, theta, x[0]), NULL);
     return lg_tape_status(t);
 }
 

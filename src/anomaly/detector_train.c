@@ -134,22 +134,18 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
     return lg_tape_status(tape);
 }
 
-/* Estimates how many numbers one window puts on a tape: the input of the network, and for each block sums,
- * activations and their cotangents. */
-static size_t numbers_a_window(const lg_cnn *net) {
+/* Chooses the number of windows recorded at once so that their values take at most 1.5 MiB and stay in the
+ * L2 cache. Measured on windows of 6 x 300: 8 to 15 windows at once are equally fast; fewer or more are
+ * slower. A window puts the input of the network on the tape, and for each block about as many sums,
+ * activations and cotangents. */
+size_t lg_detector_chunk(const lg_detector_problem *problem) {
+    const size_t limit = ((size_t)3 << 19) / lg_kernels_for(problem->data->dtype)->size;
+    const lg_cnn *net = &problem->model->net;
     size_t sum = (size_t)net->length * net->channels;
     for (uint32_t i = 0; i < net->blocks; i++)
         sum += 4 * (size_t)net->lengths[i + 1] * net->block[i].channels *
                (net->block[i].pooling != LG_POOL_NONE ? net->block[i].pool_stride : 1);
-    return sum;
-}
-
-/* Chooses the number of windows recorded at once so that their values take at most 1.5 MiB and stay in the
- * L2 cache. Measured on windows of 6 x 300: 8 to 15 windows at once are equally fast; fewer or more are
- * slower. */
-size_t lg_detector_chunk(const lg_detector_problem *problem) {
-    const size_t limit = ((size_t)3 << 19) / lg_kernels_for(problem->data->dtype)->size;
-    const size_t chunk = limit / numbers_a_window(&problem->model->net);
+    const size_t chunk = limit / sum;
     return chunk < 1 ? 1 : chunk < LG_FIT_CHUNK ? chunk : LG_FIT_CHUNK;
 }
 

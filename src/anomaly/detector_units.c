@@ -35,28 +35,21 @@ static void survey_end(survey *s) {
     LG_FREE_ALL(s->problem->data->context, s->theta, s->low, s->values, s->samples);
 }
 
-/* Returns the number of units of all layers but the output. *largest becomes the number of values that the
- * largest of these layers has for one window. */
-static size_t count_units(const lg_cnn *net, const lg_layers *layout, size_t *largest) {
-    size_t units = 0;
-    *largest = 0;
-    for (uint32_t i = 0; i + 1 < layout->count; i++) {
-        const size_t out = layout->layer[i].out, values = i < net->blocks ? out * net->lengths[i + 1] : out;
-        units += out;
-        if (values > *largest) *largest = values;
-    }
-    return units;
-}
-
 static lg_status survey_begin(const lg_detector_problem *problem, const double *theta, survey *out) {
     const lg_detector_data *data = problem->data;
     const lg_kernels *k = lg_kernels_for(data->dtype);
+    const lg_cnn *net = &problem->model->net;
     LG_CLEAN(survey_end) survey s = {.problem = problem, .chunk = lg_detector_chunk(problem)};
     lg_tape_options options;
-    size_t largest;
-    lg_cnn_layout(&problem->model->net, &s.layout);
+    size_t largest = 0; /* values that the largest layer has for one window */
+    lg_cnn_layout(net, &s.layout);
     s.layers = s.layout.count - 1;
-    s.units = count_units(&problem->model->net, &s.layout, &largest);
+    for (uint32_t i = 0; i < s.layers; i++) {
+        const size_t units = s.layout.layer[i].out,
+                     values = i < net->blocks ? units * net->lengths[i + 1] : units;
+        s.units += units;
+        if (values > largest) largest = values;
+    }
     lg_tape_options_init(&options);
     options.dtype = data->dtype;
     LG_TRY(LG_ALLOC_ALL(data->context, {&s.theta, s.layout.parameters, k->size},
@@ -67,16 +60,6 @@ static lg_status survey_begin(const lg_detector_problem *problem, const double *
     s.high = s.low + s.units;
     for (size_t i = 0; i < s.units; i++) s.low[i] = INFINITY, s.high[i] = -INFINITY;
     return LG_GIVE(out, s);
-}
-
-/* Updates low and high (units) with the values (rows, units) of a layer. */
-static void widen(const double *values, size_t rows, size_t units, double *low, double *high) {
-    for (size_t r = 0; r < rows; r++)
-        for (size_t u = 0; u < units; u++) {
-            const double x = values[r * units + u];
-            low[u] = x < low[u] ? x : low[u];
-            high[u] = x > high[u] ? x : high[u];
-        }
 }
 
 /* Evaluates the training windows from .. from + count - 1 and updates low and high of all units. */
@@ -93,25 +76,26 @@ static lg_status look(survey *s, size_t from, size_t count) {
         const size_t units = s->layout.layer[i].out,
                      values = lg_shape_count(lg_var_shape(s->tape, layers[i]));
         LG_TRY(lg_read(s->tape, layers[i], values, s->values));
-        widen(s->values, values / units, units, s->low + at, s->high + at);
+        double *low = s->low + at, *high = s->high + at;
+        for (const double *y = s->values; y < s->values + values; y += units)
+            for (size_t u = 0; u < units; u++) {
+                low[u] = y[u] < low[u] ? y[u] : low[u];
+                high[u] = y[u] > high[u] ? y[u] : high[u];
+            }
         at += units;
     }
     return LG_OK;
 }
 
-static bool is_constant(double low, double high) {
-    static const double SAME = 1e-6;
-    return high - low <= SAME * fmax(1.0, fmax(fabs(low), fabs(high)));
-}
-
 static lg_detector_units conclude(const survey *s) {
+    static const double SAME = 1e-6;
     lg_detector_units out = {.layers = s->layers};
     const double *low = s->low, *high = s->high;
     for (uint32_t i = 0; i < s->layers; i++) {
         const uint32_t units = s->layout.layer[i].out;
         out.layer[i].units = units;
         for (uint32_t u = 0; u < units; u++, low++, high++) {
-            out.layer[i].constant += is_constant(*low, *high);
+            out.layer[i].constant += *high - *low <= SAME * fmax(1.0, fmax(fabs(*low), fabs(*high)));
             out.layer[i].zero += *low == 0.0 && *high == 0.0;
         }
         out.died = out.died || (out.layer[i].constant == units && s->problem->training > 1);

@@ -41,14 +41,6 @@ void lg_series_destroy(lg_series *series) {
 
 /* ---- windows ---- */
 
-/* Returns one past the last stored window of the run that begins at `first`. */
-static size_t end_of_run(const lg_series *series, size_t first) {
-    size_t end = first + 1;
-    if (series->run == NULL) return end;
-    while (end < series->count && series->run[end] == series->run[first]) end++;
-    return end;
-}
-
 /* Returns one past the last of the stored windows first, first + 1, ... that have the same label and group as
  * `first`; at most `end`. */
 static size_t end_of_label(const lg_series *series, size_t first, size_t end) {
@@ -83,7 +75,8 @@ static size_t cut_run(const lg_series *series, size_t first, size_t end, uint64_
 static size_t cut_all(const lg_series *series, uint64_t hop, lg_windows *out) {
     size_t at = 0;
     for (size_t first = 0, end; first < series->count; first = end) {
-        end = end_of_run(series, first);
+        const uint32_t *run = series->run; /* without runs each stored window is one */
+        for (end = first + 1; run != NULL && end < series->count && run[end] == run[first];) end++;
         at = cut_run(series, first, end, hop, at, out);
     }
     return at;
@@ -207,17 +200,11 @@ static void fit_scales(const scan *s, bool centred, const double *mean, double *
     }
 }
 
-static bool in_range(const lg_windows *windows, const uint32_t *chosen, size_t count) {
-    if (chosen == NULL) return count <= windows->count;
-    for (size_t i = 0; i < count; i++)
-        if (chosen[i] >= windows->count) return false;
-    return true;
-}
-
 lg_status lg_scaler_fit(const lg_context *context, const lg_series *series, const lg_windows *windows,
                         const uint32_t *chosen, size_t count, bool centred, lg_scaler *out) {
     if (series == NULL || windows == NULL || out == NULL || count == 0) return LG_INVALID_ARGUMENT;
-    if (!in_range(windows, chosen, count)) return LG_INVALID_ARGUMENT;
+    for (size_t i = 0; i < count; i++)
+        if ((chosen != NULL ? chosen[i] : i) >= windows->count) return LG_INVALID_ARGUMENT;
     const size_t channels = series->channels;
     LG_CLEAN(lg_scaler_destroy) lg_scaler made = {.channels = series->channels, .context = context};
     LG_TRY_SCRATCH(float, window, context, channels * windows->length, LG_OUT_OF_MEMORY);

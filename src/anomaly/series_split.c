@@ -41,14 +41,6 @@ static lg_status allocate_units(const lg_context *context, size_t items, unit_se
                         LG_ARRAY(out->unit, items));
 }
 
-static void free_units(const lg_context *context, unit_set *set) {
-    LG_FREE_ALL(context, set->keys, set->classes, set->unit);
-}
-
-static uint64_t unit_key(uint32_t id, uint32_t label) {
-    return (uint64_t)id << 32 | label;
-}
-
 typedef struct split_task {
     const lg_series *series;
     const lg_windows *windows;
@@ -109,15 +101,6 @@ static const unit *find_unit(const unit_set *set, uint32_t id) {
     return bsearch(&key, set->unit, set->units, sizeof key, lg_compare_u32);
 }
 
-static void shuffle_units(unit *units, size_t n, lg_rng *rng) {
-    for (size_t i = n; i > 1; i--) {
-        const size_t j = (size_t)lg_rng_below(rng, i);
-        const unit other = units[j];
-        units[j] = units[i - 1];
-        units[i - 1] = other;
-    }
-}
-
 /* Distributes the units of one stratum over the parts. At least one unit stays in the training part; if too
  * few are left, the test part gets its units before the validation part. Returns the number of test units. */
 static size_t deal(const split_task *t, unit *units, size_t n, lg_rng *rng) {
@@ -125,48 +108,34 @@ static size_t deal(const split_task *t, unit *units, size_t n, lg_rng *rng) {
     size_t validation = (size_t)floor(t->validation * (double)n + 0.5);
     if (test > n - 1) test = n - 1;
     if (validation > n - 1 - test) validation = n - 1 - test;
-    shuffle_units(units, n, rng);
+    for (size_t i = n; i > 1; i--) {
+        const size_t j = (size_t)lg_rng_below(rng, i);
+        const unit other = units[j];
+        units[j] = units[i - 1];
+        units[i - 1] = other;
+    }
     for (size_t i = 0; i < n; i++)
         units[i].part = i < test ? LG_PART_TEST : i < test + validation ? LG_PART_VALIDATION : LG_PART_TRAIN;
     return test;
-}
-
-static size_t deal_all(split_task *t, uint64_t seed) {
-    lg_rng rng;
-    lg_rng_seed(&rng, seed, SPLIT_STREAM);
-    size_t tested = 0;
-    for (size_t first = 0, end; first < t->set.units; first = end) {
-        end = end_of_stratum(&t->set, first);
-        tested += deal(t, t->set.unit + first, end - first, &rng);
-    }
-    return tested;
-}
-
-/* Returns the first class that no unit of the training part has, or the number of classes if there is
- * none. */
-static uint32_t unseen_class(split_task *t) {
-    const unit *u = t->set.unit;
-    for (size_t i = 0; i < t->set.units; i++)
-        for (size_t c = 0; u[i].part == LG_PART_TRAIN && c < u[i].count; c++) t->seen[u[i].classes[c]] = true;
-    uint32_t c = 0;
-    while (c < t->series->classes && t->seen[c]) c++;
-    return c;
-}
-
-static void write_parts(split_task *t, uint8_t *parts) {
-    qsort(t->set.unit, t->set.units, sizeof *t->set.unit, lg_compare_u32);
-    for (size_t i = 0; i < t->windows->count; i++)
-        parts[i] = (uint8_t)find_unit(&t->set, unit_id(t, i))->part;
 }
 
 static const char *const unit_names[LG_SPLIT_COUNT] = {"windows", "runs", "groups"};
 
 static lg_status run_split(split_task *t, uint64_t seed, uint8_t *parts, lg_error *error) {
     for (size_t i = 0; i < t->windows->count; i++)
-        t->set.keys[i] = unit_key(unit_id(t, i), t->series->label[t->windows->first[i]]);
+        t->set.keys[i] = (uint64_t)unit_id(t, i) << 32 | t->series->label[t->windows->first[i]];
+    size_t tested = 0;
+    lg_rng rng;
+    lg_rng_seed(&rng, seed, SPLIT_STREAM);
     collect_units(&t->set);
-    const size_t tested = deal_all(t, seed);
-    const uint32_t unseen = unseen_class(t);
+    for (size_t first = 0, end; first < t->set.units; first = end) {
+        end = end_of_stratum(&t->set, first);
+        tested += deal(t, t->set.unit + first, end - first, &rng);
+    }
+    for (const unit *u = t->set.unit; u < t->set.unit + t->set.units; u++)
+        for (size_t c = 0; u->part == LG_PART_TRAIN && c < u->count; c++) t->seen[u->classes[c]] = true;
+    uint32_t unseen = 0; /* the first class that no unit of the training part has */
+    while (unseen < t->series->classes && t->seen[unseen]) unseen++;
     if (unseen < t->series->classes)
         return lg_fail(error, LG_INVALID_ARGUMENT, "there is no window of class \"%s\" to train on",
                        t->series->class_name != NULL ? t->series->class_name[unseen] : "?");
@@ -175,7 +144,9 @@ static lg_status run_split(split_task *t, uint64_t seed, uint8_t *parts, lg_erro
             error, LG_INVALID_ARGUMENT,
             "the test part, %g of %zu %s, is empty: of each class at least one must be left to train on",
             t->test, t->set.units, unit_names[t->split]);
-    write_parts(t, parts);
+    qsort(t->set.unit, t->set.units, sizeof *t->set.unit, lg_compare_u32);
+    for (size_t i = 0; i < t->windows->count; i++)
+        parts[i] = (uint8_t)find_unit(&t->set, unit_id(t, i))->part;
     return LG_OK;
 }
 
@@ -218,7 +189,7 @@ lg_status lg_series_split(const lg_context *context, const lg_series *series, co
     t.seen = seen;
     lg_status status = allocate_units(context, windows->count, &t.set);
     status = status == LG_OK ? run_split(&t, seed, parts, error) : lg_no_memory(error);
-    free_units(context, &t.set);
+    LG_FREE_ALL(context, t.set.keys, t.set.classes, t.set.unit);
     return status;
 }
 
@@ -274,7 +245,7 @@ lg_status lg_series_folds(const lg_context *context, const uint32_t *label, cons
     if (status == LG_OK) status = allocate_units(context, count, &t.set);
     if (status == LG_OK) {
         for (size_t i = 0; i < count; i++)
-            t.set.keys[i] = unit_key(number != NULL ? number[i] : (uint32_t)i, label[i]);
+            t.set.keys[i] = (uint64_t)(number != NULL ? number[i] : (uint32_t)i) << 32 | label[i];
         collect_units(&t.set);
         deal_folds(&t);
         for (size_t i = 0; i < count; i++)
@@ -284,7 +255,6 @@ lg_status lg_series_folds(const lg_context *context, const uint32_t *label, cons
             if (t.total[c] > 0) fewest = fmin(fewest, t.total[c]);
         if (rarest != NULL) *rarest = (uint32_t)fewest;
     }
-    free_units(context, &t.set);
-    LG_FREE_ALL(context, t.total, t.held);
+    LG_FREE_ALL(context, t.set.keys, t.set.classes, t.set.unit, t.total, t.held);
     return status;
 }

@@ -38,14 +38,17 @@ static void fill(lg_spectrum *s) {
     double power = 0;
     for (uint32_t t = 0; t < n; t++) power += hann(t, n) * hann(t, n);
     for (uint32_t t = 0; t < n; t++) {
-        const double h = hann(t, n) / sqrt(power);
-        double *row = s->wave + (size_t)t * 2 * bins;
-        for (uint32_t k = 1; k <= bins; k++) {
-            const double angle = 2 * PI * ((uint64_t)k * t % n) / n;
-            row[k - 1] = h * cos(angle);
-            row[bins + k - 1] = h * sin(angle);
-        }
+        const double angle = 2 * PI * t / n;
+        s->taper[t] = hann(t, n) / sqrt(power);
+        s->cosine[t] = cos(angle);
+        s->sine[t] = sin(angle);
     }
+    for (uint32_t t = 0; t < n; t++)
+        for (uint32_t k = 1; k <= bins; k++) {
+            const size_t at = (uint64_t)k * t % n, place = (size_t)t * 2 * bins + k - 1;
+            s->wave[place] = s->taper[t] * s->cosine[at];
+            s->wave[place + bins] = s->taper[t] * s->sine[at];
+        }
 }
 
 lg_status lg_spectrum_create(const lg_context *context, uint32_t length, uint32_t bands, lg_spectrum *out,
@@ -57,8 +60,11 @@ lg_status lg_spectrum_create(const lg_context *context, uint32_t length, uint32_
                        lg_spectrum_bands(length, LG_SPECTRUM_BANDS));
     lg_spectrum s = {.context = context};
     cut(length, bands, &s);
-    s.wave = lg_alloc(context, (size_t)s.segment * 2 * s.bins, sizeof *s.wave);
+    s.wave = lg_alloc(context, (size_t)s.segment * (2 * s.bins + 3), sizeof *s.wave);
     if (s.wave == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a spectrum");
+    s.taper = s.wave + (size_t)s.segment * 2 * s.bins;
+    s.cosine = s.taper + s.segment;
+    s.sine = s.cosine + s.segment;
     fill(&s);
     *out = s;
     return LG_OK;
@@ -85,21 +91,5 @@ void lg_spectrum_powers(const lg_spectrum *s, const double *z, double *power, do
             for (uint32_t k = s->edge[b]; k < s->edge[b + 1]; k++) sum += re[k] * re[k] + im[k] * im[k];
         }
         power[b] = sum / ((double)s->segments * (s->edge[b + 1] - s->edge[b]));
-    }
-}
-
-void lg_spectrum_reverse(const lg_spectrum *s, const double *cotangent, double *gradient,
-                         const double *work) {
-    const size_t width = 2 * (size_t)s->bins;
-    for (uint32_t b = 0; b < s->bands; b++) {
-        const double factor = 2 * cotangent[b] / ((double)s->segments * (s->edge[b + 1] - s->edge[b]));
-        for (uint32_t i = 0; i < s->segments; i++)
-            for (uint32_t t = 0; t < s->segment; t++) {
-                const double *re = work + i * width - 1, *im = re + s->bins;
-                const double *c = s->wave + t * width - 1, *d = c + s->bins;
-                double sum = 0;
-                for (uint32_t k = s->edge[b]; k < s->edge[b + 1]; k++) sum += re[k] * c[k] + im[k] * d[k];
-                gradient[(size_t)i * s->hop + t] += factor * sum;
-            }
     }
 }

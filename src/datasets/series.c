@@ -81,8 +81,8 @@ static lg_status read_shape(read_call *call, lg_error *error) {
     LG_TRY(lg_as_format(lg_h5_look(call->h5, "X", sizeof *s->x, &about, error), error));
     LG_TRY(lg_h5_fit(call->h5, about.rank < 3 ? &two : &three, sizeof *s->x, false, &about, error));
     if (windows.n > UINT32_MAX || channels.n > UINT32_MAX || samples.n > UINT32_MAX)
-        return lg_fail(error, LG_FORMAT, "%s: /X: more than %u windows, channels or samples: split it",
-                       lg_shown_path(call->path), UINT32_MAX);
+        return lg_h5_fail(call->h5, error, "/X: more than %u windows, channels or samples: split it",
+                          UINT32_MAX);
     s->count = (size_t)windows.n;
     s->channels = about.rank < 3 ? 1 : (uint32_t)channels.n;
     s->length = (uint32_t)samples.n;
@@ -120,45 +120,12 @@ static lg_status read_units(read_call *call, const char *name, uint32_t *out, lg
     return LG_OK;
 }
 
-/* Leaves out runs whose windows are not consecutive. */
-static lg_status keep_runs(read_call *call, lg_error *error) {
-    lg_series *s = &call->out->series;
-    const lg_status status = check_runs(call->context, call->path, s, &call->torn);
-    if (status == LG_OUT_OF_MEMORY) return lg_no_memory_for(call->path, error);
-    if (status == LG_OK) return LG_OK;
-    lg_free(call->context, s->run);
-    s->run = NULL;
-    return LG_OK;
-}
-
-static lg_status read_samples(read_call *call, lg_error *error) {
-    lg_series *s = &call->out->series;
-    LG_TRY(lg_as_format(lg_series_convert(call->h5, s, &call->precision, error), error));
-    LG_TRY(check_samples(call->path, s, error));
-    return lg_precision_check(call->path, &call->precision, error);
-}
-
 /* ---- attributes ---- */
 
 static const lg_field about[] = {LG_FIELD(lg_series_data, "", "noise", REAL, noise, LG_ANY_REAL),
                                  LG_FIELD(lg_series_data, "", "severity", REAL, severity, LG_ANY_REAL),
                                  LG_FIELD(lg_series_data, "", "housing", TEXT, housing, .low = 0),
                                  LG_FIELD_END};
-
-/* A number that is unknown is NaN. If another program wrote the file, so is an attribute that is not a
- * number. */
-static lg_status read_about(read_call *call, lg_error *error) {
-    for (const lg_field *row = about; row->name != NULL; row++) {
-        const double unknown = NAN;
-        const bool there = lg_h5_has_attribute(call->h5, "", row->name);
-        const lg_status status =
-            there ? lg_field_get(call->h5, row, call->out, call->ours ? error : NULL) : LG_NOT_FOUND;
-        if (there && call->ours) LG_TRY(status);
-        if (status != LG_OK && row->type == LG_FIELD_REAL)
-            memcpy((char *)call->out + row->offset, &unknown, sizeof unknown);
-    }
-    return LG_OK;
-}
 
 /* With `like` the class may be one that `like` does not have; then it is unknown. */
 static lg_status read_healthy(read_call *call, lg_error *error) {
@@ -172,33 +139,51 @@ static lg_status read_healthy(read_call *call, lg_error *error) {
         return LG_OK;
     }
     lg_names_show(s->class_name, s->classes, names, sizeof names);
-    return lg_fail(error, LG_FORMAT, "%s: attribute healthy: expected the name of one of the classes, %s",
-                   lg_shown_path(call->path), names);
+    return lg_h5_fail(call->h5, error, "attribute healthy: expected the name of one of the classes, %s",
+                      names);
 }
 
+/* A number that is unknown is NaN. If another program wrote the file, so is an attribute that is not a
+ * number. */
 static lg_status read_attributes(read_call *call, lg_error *error) {
     lg_series *s = &call->out->series;
     LG_TRY(lg_names_list(call->h5, "channels", false, &s->channels, &s->channel_name, error));
-    const lg_status status = lg_rate_get(call->h5, s, call->ours ? error : NULL);
+    lg_status status = lg_rate_get(call->h5, s, call->ours ? error : NULL);
     if (status != LG_OK && call->ours) return status;
     call->bad_rate = status != LG_OK;
     if (call->bad_rate) s->rate = 0;
     LG_TRY(read_healthy(call, error));
-    return read_about(call, error);
+    for (const lg_field *row = about; row->name != NULL; row++) {
+        const double unknown = NAN;
+        const bool there = lg_h5_has_attribute(call->h5, "", row->name);
+        status = there ? lg_field_get(call->h5, row, call->out, call->ours ? error : NULL) : LG_NOT_FOUND;
+        if (there && call->ours) LG_TRY(status);
+        if (status != LG_OK && row->type == LG_FIELD_REAL)
+            memcpy((char *)call->out + row->offset, &unknown, sizeof unknown);
+    }
+    return LG_OK;
 }
 
 static lg_status read_checked(void *user, lg_h5 *h5, lg_error *error) {
     read_call *call = user;
+    lg_series *s = &call->out->series;
     call->h5 = h5;
     LG_TRY(lg_h5_check_format(h5, "series", true, error));
     call->ours = lg_h5_is_ours(h5);
     LG_TRY(read_shape(call, error));
     LG_TRY(read_labels(call, error));
-    LG_TRY(read_units(call, "group", call->out->series.group, error));
-    LG_TRY(read_units(call, "run", call->out->series.run, error));
-    LG_TRY(keep_runs(call, error));
+    LG_TRY(read_units(call, "group", s->group, error));
+    LG_TRY(read_units(call, "run", s->run, error));
+    const lg_status torn = check_runs(call->context, call->path, s, &call->torn);
+    if (torn == LG_OUT_OF_MEMORY) return lg_no_memory_for(call->path, error);
+    if (torn != LG_OK) { /* runs whose windows are not consecutive are left out */
+        lg_free(call->context, s->run);
+        s->run = NULL;
+    }
     LG_TRY(read_attributes(call, error));
-    LG_TRY(read_samples(call, error));
+    LG_TRY(lg_as_format(lg_series_convert(h5, s, &call->precision, error), error));
+    LG_TRY(check_samples(call->path, s, error));
+    LG_TRY(lg_precision_check(call->path, &call->precision, error));
     lg_h5_provenance(h5, &call->out->provenance);
     return LG_OK;
 }
@@ -241,15 +226,6 @@ lg_status lg_series_read(const lg_context *context, const char *path, const lg_r
 
 /* ---- writing ---- */
 
-static lg_status check_labels(const char *path, const lg_series *s, lg_error *error) {
-    for (size_t i = 0; i < s->count; i++)
-        if (s->label[i] >= s->classes)
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "%s: /y: class %u at index (%zu), but there are only %u classes",
-                           lg_shown_path(path), s->label[i], i, s->classes);
-    return LG_OK;
-}
-
 static lg_status check_written(const lg_context *context, const char *path, const lg_series_data *data,
                                lg_error *error) {
     const lg_series *s = &data->series;
@@ -263,13 +239,18 @@ static lg_status check_written(const lg_context *context, const char *path, cons
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: healthy: '%s' is none of the classes",
                        lg_shown_path(path), data->healthy);
     LG_TRY(lg_sensing_check(context, path, s, error));
-    LG_TRY(check_labels(path, s, error));
+    for (size_t i = 0; i < s->count; i++)
+        if (s->label[i] >= s->classes)
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "%s: /y: class %u at index (%zu), but there are only %u classes",
+                           lg_shown_path(path), s->label[i], i, s->classes);
     LG_TRY(check_runs(context, path, s, error));
     return check_samples(path, s, error);
 }
 
-static lg_status put_attributes(lg_h5 *h5, const lg_series_data *data, lg_error *error) {
+static lg_status put_all(lg_h5 *h5, const lg_series_data *data, lg_error *error) {
     const lg_series *s = &data->series;
+    const uint64_t dims[3] = {s->count, s->channels, s->length};
     lg_series names = *s;
     names.class_label = NULL; /* the /y that is written holds class numbers 0, 1, ... */
     LG_TRY(lg_h5_put_header(h5, "series", &data->provenance, error));
@@ -279,13 +260,7 @@ static lg_status put_attributes(lg_h5 *h5, const lg_series_data *data, lg_error 
             LG_TRY(lg_field_write(h5, row, data, error));
     if (data->healthy[0] != '\0') /* the class by its name, because class_label is not written */
         LG_TRY(lg_h5_put_text(h5, "", "healthy", s->class_name[lg_series_healthy(s, data->healthy)], error));
-    return lg_h5_put_text(h5, "", "data_sha256", data->sha256, error);
-}
-
-static lg_status put_all(lg_h5 *h5, const lg_series_data *data, lg_error *error) {
-    const lg_series *s = &data->series;
-    const uint64_t dims[3] = {s->count, s->channels, s->length};
-    LG_TRY(put_attributes(h5, data, error));
+    LG_TRY(lg_h5_put_text(h5, "", "data_sha256", data->sha256, error));
     LG_TRY(lg_h5_put(h5, "X", LG_ELEMENT_F32, 3, dims, s->x, error));
     LG_TRY(lg_h5_put(h5, "y", LG_ELEMENT_U32, 1, dims, s->label, error));
     if (s->group != NULL) LG_TRY(lg_h5_put(h5, "group", LG_ELEMENT_U32, 1, dims, s->group, error));

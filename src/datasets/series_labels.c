@@ -24,28 +24,21 @@ typedef struct text_call {
 
 static lg_status meet_text(void *user, uint64_t index, const char *text, lg_error *error) {
     const text_call *call = user;
-    const char *shown = lg_shown_path(call->h5->path);
     bool known;
     if (*text == '\0' || strlen(text) >= LG_SERIES_NAME)
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /%s: the text at index (%llu) is empty or longer than %d bytes; rename it", shown,
-                       call->name, (unsigned long long)index, LG_SERIES_NAME - 1);
+        return lg_h5_fail(call->h5, error,
+                          "/%s: the text at index (%llu) is empty or longer than %d bytes; rename it",
+                          call->name, (unsigned long long)index, LG_SERIES_NAME - 1);
     const lg_status status = lg_names_meet(&call->labels->text, text, &call->labels->label[index], &known);
     if (status == LG_OUT_OF_MEMORY) return lg_h5_no_memory(call->h5, error);
     if (status == LG_OK) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: /%s: more than %u different labels; merge some", shown, call->name,
-                   LG_SERIES_CLASSES);
+    return lg_h5_fail(call->h5, error, "/%s: more than %u different labels; merge some", call->name,
+                      LG_SERIES_CLASSES);
 }
 
 static lg_status sort_texts(const lg_h5 *h5, lg_labels *labels, lg_error *error) {
     return lg_names_sort(&labels->text, labels->label, labels->count) == LG_OK ? LG_OK
                                                                                : lg_h5_no_memory(h5, error);
-}
-
-static lg_status read_texts(lg_h5 *h5, const char *name, lg_labels *labels, lg_error *error) {
-    text_call call = {h5, name, labels};
-    LG_TRY(lg_h5_each_text(h5, name, meet_text, &call, error));
-    return sort_texts(h5, labels, error);
 }
 
 /* Finds the distinct numbers and sorts them. */
@@ -77,7 +70,10 @@ lg_status lg_labels_read(lg_h5 *h5, const char *name, size_t count, lg_labels *l
     labels->count = count;
     labels->label = lg_alloc(h5->context, count, sizeof *labels->label);
     if (labels->label == NULL) return lg_h5_no_memory(h5, error);
-    if (about.kind == LG_H5_WORDS) return read_texts(h5, name, labels, error);
+    if (about.kind == LG_H5_WORDS) {
+        LG_TRY(lg_h5_each_text(h5, name, meet_text, &(text_call){h5, name, labels}, error));
+        return sort_texts(h5, labels, error);
+    }
     labels->value = lg_alloc(h5->context, count, sizeof *labels->value);
     return labels->value != NULL ? lg_h5_get_wholes(h5, name, &about, labels->value, error)
                                  : lg_h5_no_memory(h5, error);
@@ -149,12 +145,11 @@ static lg_status unknown_label(const lg_h5 *h5, const char *label, char (*list)[
     char have[128], named[128];
     lg_names_show(list, count, have, sizeof have);
     if (list == classes)
-        return lg_fail(error, LG_FORMAT, "%s: /y: class '%s' is none of the classes %s",
-                       lg_shown_path(h5->path), label, have);
+        return lg_h5_fail(h5, error, "/y: class '%s' is none of the classes %s", label, have);
     lg_names_show(classes, count, named, sizeof named);
-    return lg_fail(error, LG_FORMAT,
-                   "%s: /y: label '%s' is none of %s, the labels of the classes %s (attribute class_labels)",
-                   lg_shown_path(h5->path), label, have, named);
+    return lg_h5_fail(h5, error,
+                      "/y: label '%s' is none of %s, the labels of the classes %s (attribute class_labels)",
+                      label, have, named);
 }
 
 /* The label `low` becomes class 0, low + 1 becomes class 1, and so on, for `count` classes. */
@@ -185,23 +180,15 @@ static lg_status given_labels(lg_h5 *h5, lg_labels *labels, const lg_names *name
     LG_TRY(lg_names_get(h5, "class_labels", true, &labels->of_class, error));
     *given = labels->of_class.count > 0;
     if (!*given && lg_h5_has_attribute(h5, "", "class_labels"))
-        return lg_fail(error, LG_FORMAT, "%s: class_labels: expected texts, such as '1|2|3'",
-                       lg_shown_path(h5->path));
+        return lg_h5_fail(h5, error, "class_labels: expected texts, such as '1|2|3'");
     if (!*given) return LG_OK;
     if (labels->of_class.count != names->count)
-        return lg_fail(error, LG_FORMAT, "%s: class_labels: %u labels, but %u classes",
-                       lg_shown_path(h5->path), labels->of_class.count, names->count);
+        return lg_h5_fail(h5, error, "class_labels: %u labels, but %u classes", labels->of_class.count,
+                          names->count);
     return find_labels(labels->of_class.name, names->count, labels, &missing)
                ? LG_OK
                : unknown_label(h5, labels->text.name[missing], labels->of_class.name, names->count,
                                names->name, error);
-}
-
-static bool same_names(const lg_names *names, const lg_series *like) {
-    if (names->count != like->classes) return false;
-    for (uint32_t c = 0; c < names->count; c++)
-        if (strcmp(names->name[c], like->class_name[c]) != 0) return false;
-    return true;
 }
 
 /* If the file has the same classes as `like` in the same order, the labels of `like` apply. If the file's
@@ -210,7 +197,9 @@ static bool same_names(const lg_names *names, const lg_series *like) {
 static lg_status labels_like(lg_h5 *h5, const lg_series *like, lg_labels *labels, const lg_names *names,
                              bool *done, lg_error *error) {
     uint32_t missing = 0;
-    if (like == NULL || like->class_label == NULL || !same_names(names, like)) return LG_OK;
+    if (like == NULL || like->class_label == NULL || names->count != like->classes) return LG_OK;
+    for (uint32_t c = 0; c < names->count; c++)
+        if (strcmp(names->name[c], like->class_name[c]) != 0) return LG_OK;
     *done = find_labels(like->class_label, like->classes, labels, &missing);
     if (*done || labels->value == NULL || !any_number(like->class_label, like->classes)) return LG_OK;
     return unknown_label(h5, labels->text.name[missing], like->class_label, like->classes, like->class_name,
@@ -232,31 +221,11 @@ static lg_status own_rule(const lg_h5 *h5, bool ours, lg_labels *labels, const l
     for (uint32_t i = 0; i < labels->text.count; i++) labels->class_of[i] = i;
     if (labels->text.count == names->count)
         return copy_list(h5, labels->text.name, labels->text.count, &labels->of_class, error);
-    return lg_fail(error, LG_FORMAT,
-                   "%s: classes: %u names, but /y has %u different labels from '%s' to '%s', which are not "
-                   "the numbers 0..%u or 1..%u: attribute class_labels can say which label is which class",
-                   lg_shown_path(h5->path), names->count, labels->text.count, labels->text.name[0],
-                   labels->text.name[labels->text.count - 1], names->count - 1, names->count);
-}
-
-static lg_status own_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels,
-                             const lg_names *names, lg_error *error) {
-    bool done = false;
-    LG_TRY(given_labels(h5, labels, names, &done, error));
-    if (!done && !ours) LG_TRY(labels_like(h5, like, labels, names, &done, error));
-    return done ? LG_OK : own_rule(h5, ours, labels, names, error);
-}
-
-/* Replaces the classes of the file by the classes of `like` with the same names. */
-static lg_status match_names(const lg_h5 *h5, const lg_series *like, lg_labels *labels, const lg_names *names,
-                             lg_error *error) {
-    sort_list(labels, like->class_name, like->classes);
-    for (uint32_t i = 0; i < labels->text.count; i++) {
-        const char *name = names->name[labels->class_of[i]];
-        if (!find_in(labels->sorted, like->classes, name, &labels->class_of[i]))
-            return unknown_label(h5, name, like->class_name, like->classes, like->class_name, error);
-    }
-    return LG_OK;
+    return lg_h5_fail(h5, error,
+                      "classes: %u names, but /y has %u different labels from '%s' to '%s', which are not "
+                      "the numbers 0..%u or 1..%u: attribute class_labels can say which label is which class",
+                      names->count, labels->text.count, labels->text.name[0],
+                      labels->text.name[labels->text.count - 1], names->count - 1, names->count);
 }
 
 /* Maps labels of a file without class names to the classes of `like`: by the labels of `like`, or else by its
@@ -280,6 +249,7 @@ static lg_status match_labels(const lg_h5 *h5, const lg_series *like, lg_labels 
 
 lg_status lg_labels_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labels *labels, lg_names *names,
                             lg_error *error) {
+    bool done = false;
     if (labels->value != NULL) LG_TRY(name_values(h5, labels, error));
     labels->class_of = lg_alloc(h5->context, labels->text.count, sizeof *labels->class_of);
     LG_TRY(lg_names_get(h5, "classes", true, names, error));
@@ -287,8 +257,16 @@ lg_status lg_labels_classes(lg_h5 *h5, bool ours, const lg_series *like, lg_labe
     labels->sorted = lg_alloc(h5->context, longest, sizeof *labels->sorted);
     if (labels->class_of == NULL || labels->sorted == NULL) return lg_h5_no_memory(h5, error);
     if (names->count > 0) {
-        LG_TRY(own_classes(h5, ours, like, labels, names, error));
-        if (like != NULL) LG_TRY(match_names(h5, like, labels, names, error));
+        LG_TRY(given_labels(h5, labels, names, &done, error));
+        if (!done && !ours) LG_TRY(labels_like(h5, like, labels, names, &done, error));
+        if (!done) LG_TRY(own_rule(h5, ours, labels, names, error));
+        /* the classes of the file become the classes of `like` with the same names */
+        if (like != NULL) sort_list(labels, like->class_name, like->classes);
+        for (uint32_t i = 0; like != NULL && i < labels->text.count; i++) {
+            const char *name = names->name[labels->class_of[i]];
+            if (!find_in(labels->sorted, like->classes, name, &labels->class_of[i]))
+                return unknown_label(h5, name, like->class_name, like->classes, like->class_name, error);
+        }
     } else if (like != NULL) {
         LG_TRY(match_labels(h5, like, labels, error));
     } else {

@@ -42,31 +42,19 @@ lg_status lg_names_add(lg_names *names, const char *text) {
     return LG_OK;
 }
 
-/* Position in `order` of the first name that is not less than `text`. */
-static uint32_t place_of(const lg_names *names, const char *text) {
+lg_status lg_names_meet(lg_names *names, const char *text, uint32_t *index, bool *known) {
     int (*const compare)(const char *, const char *) = names->compare != NULL ? names->compare : strcmp;
-    uint32_t low = 0, high = names->count;
-    while (low < high) {
-        const uint32_t middle = low + (high - low) / 2;
+    uint32_t place = 0, high = names->count;
+    while (place < high) {
+        const uint32_t middle = place + (high - place) / 2;
         if (compare(names->name[names->order[middle]], text) < 0)
-            low = middle + 1;
+            place = middle + 1;
         else
             high = middle;
     }
-    return low;
-}
-
-static bool find(const lg_names *names, const char *text, uint32_t *index) {
-    const uint32_t place = place_of(names, text);
-    if (place == names->count || strcmp(names->name[names->order[place]], text) != 0) return false;
-    *index = names->order[place];
-    return true;
-}
-
-lg_status lg_names_meet(lg_names *names, const char *text, uint32_t *index, bool *known) {
-    *known = find(names, text, index);
+    *known = place < names->count && strcmp(names->name[names->order[place]], text) == 0;
+    if (*known) *index = names->order[place];
     if (*known) return LG_OK;
-    const uint32_t place = place_of(names, text);
     LG_TRY(lg_names_add(names, text));
     *index = names->count - 1;
     memmove(names->order + place + 1, names->order + place, (*index - place) * sizeof *names->order);
@@ -188,8 +176,7 @@ lg_status lg_names_list(lg_h5 *h5, const char *key, bool unique, uint32_t *count
     LG_CLEAN(lg_names_destroy) lg_names names = {.context = h5->context};
     LG_TRY(lg_names_get(h5, key, unique, &names, error));
     if (*count != 0 && names.count != 0 && names.count != *count)
-        return lg_fail(error, LG_FORMAT, "%s: %s: %u names, expected %u", lg_shown_path(h5->path), key,
-                       names.count, *count);
+        return lg_h5_fail(h5, error, "%s: %u names, expected %u", key, names.count, *count);
     if (names.count == 0) return LG_OK;
     *count = names.count;
     *out = lg_names_take(&names);

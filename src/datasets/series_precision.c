@@ -68,13 +68,6 @@ static double part_lost(const channel_sums *sums, double n) {
     return sums->errors / scale / sqrt(n) / deviation;
 }
 
-static void name_channel(const lg_series *s, uint32_t channel, char *text, size_t size) {
-    if (s->channel_name != NULL && s->channel_name[channel][0] != '\0')
-        (void)snprintf(text, size, "%u '%s'", channel + 1, s->channel_name[channel]);
-    else
-        (void)snprintf(text, size, "%u", channel + 1);
-}
-
 lg_status lg_series_convert(lg_h5 *h5, lg_series *series, lg_precision *out, lg_error *error) {
     const char *shown = lg_shown_path(h5->path);
     *out = (lg_precision){.part = 0};
@@ -87,7 +80,8 @@ lg_status lg_series_convert(lg_h5 *h5, lg_series *series, lg_precision *out, lg_
         out->channels++;
         if (!(part > out->part)) continue;
         out->part = part;
-        name_channel(series, k, out->name, sizeof out->name);
+        const char *name = series->channel_name != NULL ? series->channel_name[k] : "";
+        (void)snprintf(out->name, sizeof out->name, name[0] != '\0' ? "%u '%s'" : "%u", k + 1, name);
     }
     return LG_OK;
 }

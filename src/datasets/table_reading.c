@@ -25,8 +25,26 @@ void lg_table_data_destroy(lg_table_data *data) {
 
 /* ---- classes ---- */
 
-/* Labels are texts as written, so 1 and 1.0 are two classes. A warning says so. */
-static void warn_of_equals(const lg_frame *f, const char *column, const lg_table_data *out) {
+/* Numbers the classes that occur; rows with an empty text have none. Labels are texts as written, so 1 and
+ * 1.0 are two classes. A warning says so. */
+static lg_status name_classes(const lg_frame *f, const char *column, lg_table_data *out, lg_error *error) {
+    LG_CLEAN(lg_names_destroy) lg_names met = {.context = f->context, .compare = lg_label_compare};
+    uint32_t *label = out->label = lg_alloc(f->context, f->rows, sizeof *out->label);
+    if (label == NULL) return lg_frame_no_memory(f, error);
+    for (size_t i = 0; i < f->rows; i++) {
+        bool known = true;
+        label[i] = LG_TABLE_NO_CLASS;
+        if (*f->text[i] != '\0' && lg_names_meet(&met, f->text[i], &label[i], &known) != LG_OK)
+            return lg_frame_no_memory(f, error);
+        if (met.count > MOST_CLASSES)
+            return lg_fail(error, LG_FORMAT,
+                           "%s: column %s: has more than %d different values: it does not look like classes; "
+                           "use it as an output",
+                           f->shown, column, MOST_CLASSES);
+    }
+    if (lg_names_sort(&met, label, f->rows) != LG_OK) return lg_frame_no_memory(f, error);
+    out->classes = met.count;
+    out->class_name = lg_names_take(&met);
     for (uint32_t c = 1; c < out->classes; c++) {
         const char *a = out->class_name[c - 1], *b = out->class_name[c];
         if (lg_is_decimal(a) && lg_is_decimal(b) && lg_decimal_compare(a, b) == 0)
@@ -35,44 +53,7 @@ static void warn_of_equals(const lg_frame *f, const char *column, const lg_table
                            "ways; they stay two classes",
                            f->shown, column, a, b);
     }
-}
-
-/* Numbers the classes that occur; rows with an empty text have none. */
-static lg_status meet_classes(const lg_frame *f, const char *column, uint32_t *label, lg_names *met,
-                              lg_error *error) {
-    for (size_t i = 0; i < f->rows; i++) {
-        bool known = true;
-        label[i] = LG_TABLE_NO_CLASS;
-        if (*f->text[i] != '\0' && lg_names_meet(met, f->text[i], &label[i], &known) != LG_OK)
-            return lg_frame_no_memory(f, error);
-        if (met->count > MOST_CLASSES)
-            return lg_fail(error, LG_FORMAT,
-                           "%s: column %s: has more than %d different values: it does not look like classes; "
-                           "use it as an output",
-                           f->shown, column, MOST_CLASSES);
-    }
-    return lg_names_sort(met, label, f->rows) == LG_OK ? LG_OK : lg_frame_no_memory(f, error);
-}
-
-static lg_status name_classes(const lg_frame *f, const char *column, lg_table_data *out, lg_error *error) {
-    LG_CLEAN(lg_names_destroy) lg_names met = {.context = f->context, .compare = lg_label_compare};
-    out->label = lg_alloc(f->context, f->rows, sizeof *out->label);
-    if (out->label == NULL) return lg_frame_no_memory(f, error);
-    LG_TRY(meet_classes(f, column, out->label, &met, error));
-    out->classes = met.count;
-    out->class_name = lg_names_take(&met);
-    warn_of_equals(f, column, out);
     return LG_OK;
-}
-
-/* Hashes the numbers, then the labels. */
-static void hash(const lg_frame *f, lg_table_data *out) {
-    lg_sha256 state;
-    lg_sha256_init(&state);
-    lg_sha256_add_doubles(&state, f->value, f->rows * f->width);
-    for (size_t i = 0; f->texts > 0 && i < f->rows; i++)
-        lg_sha256_add(&state, f->text[i], strlen(f->text[i]) + 1);
-    lg_sha256_finish(&state, out->sha256);
 }
 
 /* ---- complete rows ---- */
@@ -86,13 +67,6 @@ static bool are_complete(lg_table_data *const *tables, size_t count, size_t row)
             all = all && !isnan(data->values[row * data->columns + c]);
     }
     return all;
-}
-
-static void move_row(lg_table_data *data, size_t from, size_t to) {
-    memmove(data->values + to * data->columns, data->values + from * data->columns,
-            data->columns * sizeof *data->values);
-    data->line[to] = data->line[from];
-    if (data->label != NULL) data->label[to] = data->label[from];
 }
 
 lg_status lg_table_keep_complete(lg_table_data *const *tables, size_t count, size_t *left_out,
@@ -112,7 +86,13 @@ lg_status lg_table_keep_complete(lg_table_data *const *tables, size_t count, siz
                        rows);
     for (size_t row = 0; row < rows; row++) {
         if (!are_complete(tables, count, row)) continue;
-        for (size_t i = 0; i < count; i++) move_row(tables[i], row, kept);
+        for (lg_table_data *const *at = tables; at < tables + count; at++) {
+            lg_table_data *data = *at;
+            memmove(data->values + kept * data->columns, data->values + row * data->columns,
+                    data->columns * sizeof *data->values);
+            data->line[kept] = data->line[row];
+            if (data->label != NULL) data->label[kept] = data->label[row];
+        }
         kept++;
     }
     for (size_t i = 0; i < count; i++) tables[i]->rows = kept;
@@ -133,19 +113,6 @@ lg_port lg_table_port(const lg_table_data *of, const char *name, uint32_t number
 
 /* ---- reading ---- */
 
-static lg_status copy_names(const lg_frame *f, lg_table_names *out, lg_error *error) {
-    out->name = lg_alloc(f->context, f->columns, sizeof *out->name);
-    if (out->name == NULL) return lg_frame_no_memory(f, error);
-    for (; out->count < f->columns; out->count++) {
-        const size_t length = strlen(f->name[out->count]);
-        if (length >= LG_TABLE_NAME)
-            return lg_fail(error, LG_FORMAT, "%s: the name of column %u has more than %d bytes: shorten it",
-                           f->shown, out->count + 1, LG_TABLE_NAME - 1);
-        memcpy(out->name[out->count], f->name[out->count], length + 1);
-    }
-    return LG_OK;
-}
-
 lg_status lg_table_names_read(const lg_context *context, const char *path, const lg_read_options *options,
                               lg_table_names *out, lg_error *error) {
     LG_NEEDS(error, path, out);
@@ -153,7 +120,15 @@ lg_status lg_table_names_read(const lg_context *context, const char *path, const
     LG_CLEAN(lg_frame_close)
     lg_frame f = {.context = context, .path = path, .what = "table", .options = options};
     LG_TRY(lg_frame_open(&f, error));
-    LG_TRY(copy_names(&f, &made, error));
+    made.name = lg_alloc(context, f.columns, sizeof *made.name);
+    if (made.name == NULL) return lg_frame_no_memory(&f, error);
+    for (; made.count < f.columns; made.count++) {
+        const size_t length = strlen(f.name[made.count]);
+        if (length >= LG_TABLE_NAME)
+            return lg_fail(error, LG_FORMAT, "%s: the name of column %u has more than %d bytes: shorten it",
+                           f.shown, made.count + 1, LG_TABLE_NAME - 1);
+        memcpy(made.name[made.count], f.name[made.count], length + 1);
+    }
     return LG_GIVE(out, made);
 }
 
@@ -165,7 +140,12 @@ static lg_status read_rows(lg_frame *f, const char *class_column, lg_table_data 
         return lg_fail(error, LG_FORMAT, "%s: has %sno rows: add some", f->shown,
                        f->header > 0 ? "a header, but " : "");
     if (class_column != NULL) LG_TRY(name_classes(f, class_column, out, error));
-    hash(f, out);
+    lg_sha256 state; /* of the numbers, then the labels */
+    lg_sha256_init(&state);
+    lg_sha256_add_doubles(&state, f->value, f->rows * f->width);
+    for (size_t i = 0; f->texts > 0 && i < f->rows; i++)
+        lg_sha256_add(&state, f->text[i], strlen(f->text[i]) + 1);
+    lg_sha256_finish(&state, out->sha256);
     out->rows = f->rows;
     out->columns = (uint32_t)f->width;
     out->values = f->value;

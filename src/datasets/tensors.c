@@ -60,19 +60,9 @@ static lg_status bad(const reading *r, lg_error *error, const char *name, const 
     return lg_fail(error, LG_FORMAT, "%s: tensor '%.64s': %s", lg_shown_path(r->path), name, what);
 }
 
-/* The value of a key; NULL: there is none. */
-static const yaml_node_t *value_of(const reading *r, const yaml_node_t *mapping, const char *key) {
-    if (mapping->type != YAML_MAPPING_NODE) return NULL;
-    for (yaml_node_pair_t *p = mapping->data.mapping.pairs.start; p < mapping->data.mapping.pairs.top; p++) {
-        const char *name = lg_node_text(lg_node_at(r->header, p->key), SIZE_MAX);
-        if (name != NULL && strcmp(name, key) == 0) return lg_node_at(r->header, p->value);
-    }
-    return NULL;
-}
-
 /* The text of a key's value; NULL: there is none. */
 static const char *text_of(const reading *r, const yaml_node_t *mapping, const char *key) {
-    const yaml_node_t *node = value_of(r, mapping, key);
+    const yaml_node_t *node = lg_node_below(r->header, mapping, key);
     return node != NULL ? lg_node_text(node, SIZE_MAX) : NULL;
 }
 
@@ -119,9 +109,9 @@ static lg_status take_tensor(const reading *r, const char *name, const yaml_node
     while (type < LG_COUNT(types) && (type_name == NULL || strcmp(types[type].name, type_name) != 0)) type++;
     if (type == LG_COUNT(types))
         return bad(r, error, name, "the type is not F64, F32, F16 or BF16; convert it");
-    if (!wholes_of(r, value_of(r, about, "shape"), t->dims, 4, &t->rank))
+    if (!wholes_of(r, lg_node_below(r->header, about, "shape"), t->dims, 4, &t->rank))
         return bad(r, error, name, "the shape is not a list of at most 4 whole numbers");
-    if (!wholes_of(r, value_of(r, about, "data_offsets"), range, 2, &ends) || ends != 2)
+    if (!wholes_of(r, lg_node_below(r->header, about, "data_offsets"), range, 2, &ends) || ends != 2)
         return bad(r, error, name, "data_offsets is not a list of 2 whole numbers");
     uint64_t count = 1;
     for (uint32_t k = 0; k < t->rank; k++) {

@@ -40,12 +40,12 @@ lg_status lg_frame_add_name(lg_frame *f, const char *name, lg_error *error) {
     if (f->columns == LG_FRAME_MOST_COLUMNS)
         return lg_fail(error, LG_FORMAT, "%s: has more than %d columns: remove some", f->shown,
                        LG_FRAME_MOST_COLUMNS);
-    if (f->columns == f->name_room) {
-        const size_t room = f->name_room == 0 ? FIRST_NAMES : 2 * f->name_room;
-        char **wider = lg_widen(f->context, f->name, f->columns, room, sizeof *wider);
+    if (f->columns == f->name_capacity) {
+        const size_t capacity = f->name_capacity == 0 ? FIRST_NAMES : 2 * f->name_capacity;
+        char **wider = lg_widen(f->context, f->name, f->columns, capacity, sizeof *wider);
         if (wider == NULL) return lg_frame_no_memory(f, error);
         f->name = wider;
-        f->name_room = room;
+        f->name_capacity = capacity;
     }
     f->name[f->columns] = lg_strdup(f->context, name);
     return f->name[f->columns] == NULL ? lg_frame_no_memory(f, error) : (f->columns++, LG_OK);
@@ -61,20 +61,16 @@ static lg_status missing_column(lg_frame *f, const char *name, lg_error *error) 
                          lg_tamed(have.text), f->note.used > 0 ? "; " : "", lg_tamed(f->note.text));
 }
 
-/* Sets *at to the column with this name, or to f->columns if no column has it. */
-static lg_status find_column(const lg_frame *f, const lg_lookup *sorted, const char *name, uint32_t *at,
-                             lg_error *error) {
-    const lg_lookup *found = lg_lookup_find(sorted, f->columns, name);
-    *at = found == NULL ? f->columns : (uint32_t)found->at;
-    if (found != NULL && found + 1 < sorted + f->columns && strcmp(found[1].name, name) == 0)
-        return lg_frame_fail(f, 0, NULL, error, "there are two columns '%s': rename one of them", name);
-    return LG_OK;
-}
-
 static lg_status find_want(lg_frame *f, const lg_lookup *sorted, lg_frame_want *want, lg_error *error) {
     const size_t index = (size_t)(want - f->want);
     uint32_t at = (uint32_t)index;
-    if (!f->ours || index >= f->columns) LG_TRY(find_column(f, sorted, want->name, &at, error));
+    if (!f->ours || index >= f->columns) {
+        const lg_lookup *found = lg_lookup_find(sorted, f->columns, want->name);
+        at = found == NULL ? f->columns : (uint32_t)found->at;
+        if (found != NULL && found + 1 < sorted + f->columns && strcmp(found[1].name, want->name) == 0)
+            return lg_frame_fail(f, 0, NULL, error, "there are two columns '%s': rename one of them",
+                                 want->name);
+    }
     want->there = at < f->columns;
     if (!want->there) return want->optional ? LG_OK : missing_column(f, want->name, error);
     lg_frame_use *use = &f->use[at];
@@ -117,24 +113,24 @@ lg_status lg_frame_find(lg_frame *f, lg_error *error) {
 /* ---- the block ---- */
 
 /* Widens one array of the block. */
-static bool widen(const lg_frame *f, void **array, size_t room, size_t columns, size_t size) {
+static bool widen(const lg_frame *f, void **array, size_t capacity, size_t columns, size_t size) {
     void *wider =
-        columns > SIZE_MAX / size ? NULL : lg_widen(f->context, *array, f->rows, room, columns * size);
+        columns > SIZE_MAX / size ? NULL : lg_widen(f->context, *array, f->rows, capacity, columns * size);
     if (wider != NULL) *array = wider;
     return wider != NULL;
 }
 
 lg_status lg_frame_reserve(lg_frame *f, size_t rows, lg_error *error) {
-    if (rows <= f->room && f->line != NULL) return LG_OK;
+    if (rows <= f->capacity && f->line != NULL) return LG_OK;
     if (f->before + rows > UINT32_MAX)
         return lg_fail(error, LG_FORMAT, "%s: has 2^32 rows or more: split it into several files", f->shown);
-    const size_t twice = f->room == 0 ? 1 + FIRST_NUMBERS / (f->width + f->texts + 1) : 2 * f->room;
-    const size_t room = rows > twice || rows > 1 + f->rows ? rows : twice;
-    if (!widen(f, (void **)&f->value, room, f->width, sizeof *f->value) ||
-        !widen(f, (void **)&f->text, room, f->texts, sizeof *f->text) ||
-        !widen(f, (void **)&f->line, room, 1, sizeof *f->line))
+    const size_t twice = f->capacity == 0 ? 1 + FIRST_NUMBERS / (f->width + f->texts + 1) : 2 * f->capacity;
+    const size_t capacity = rows > twice || rows > 1 + f->rows ? rows : twice;
+    if (!widen(f, (void **)&f->value, capacity, f->width, sizeof *f->value) ||
+        !widen(f, (void **)&f->text, capacity, f->texts, sizeof *f->text) ||
+        !widen(f, (void **)&f->line, capacity, 1, sizeof *f->line))
         return lg_frame_no_memory(f, error);
-    f->room = room;
+    f->capacity = capacity;
     return LG_OK;
 }
 
@@ -277,7 +273,8 @@ lg_status lg_frame_open(lg_frame *f, lg_error *error) {
 lg_status lg_frame_next(lg_frame *f, size_t most, lg_error *error) {
     f->before += f->rows;
     f->rows = 0;
-    if (f->value == NULL || f->text == NULL || f->line == NULL) f->room = 0; /* the caller kept an array */
+    if (f->value == NULL || f->text == NULL || f->line == NULL)
+        f->capacity = 0; /* the caller kept an array */
     return f->format->rows(f, most, error);
 }
 
@@ -287,5 +284,5 @@ void lg_frame_close(lg_frame *f) {
     LG_FREE_ALL(f->context, f->name, f->use, f->value, f->text, f->line);
     f->format = NULL, f->source = f->name = NULL, f->use = NULL;
     f->value = NULL, f->text = NULL, f->line = NULL;
-    f->columns = 0, f->name_room = f->room = 0, f->width = f->texts = f->rows = f->before = 0;
+    f->columns = 0, f->name_capacity = f->capacity = 0, f->width = f->texts = f->rows = f->before = 0;
 }

@@ -129,7 +129,7 @@ typedef struct lg_frame {
     lg_name_list note; /* what the format adds to a message about a missing column */
     void *source;
     lg_frame_use *use; /* (columns) */
-    size_t before, room, name_room;
+    size_t before, capacity, name_capacity;
 } lg_frame;
 
 lg_status lg_frame_open(lg_frame *f, lg_error *error);

@@ -126,7 +126,7 @@ static const char *look(const h5_file *h, const char *name, source *s, lg_error 
     char class[LG_FRAME_NAME] = "";
     LG_QUIET;
     LG_ID object = H5Oopen(h->h5->file, name, h->h5->links);
-    if (object < 0) return "is a link that leads nowhere or out of the file";
+    if (object < 0) return "is a link that leads nowhere or out of the file, or of a newer HDF5";
     if (H5Iget_type(object) != H5I_DATASET) return wanted ? "is a group" : "";
     if (strlen(name) >= sizeof s->name) return "has a name of more than 63 bytes";
     if (lg_h5_look(h->h5, name, sizeof(double), &s->about, error) != LG_OK)
@@ -232,14 +232,6 @@ static lg_status put_text(void *user, uint64_t index, const char *text, lg_error
     return lg_frame_put_cell(f, (size_t)(index - f->before), s->first, text, true, error);
 }
 
-/* Whether a number, of type i, u or other as lg_frame_put_number takes it, stands for a missing value. */
-static bool is_fill(const source *s, char type, const double *number) {
-    int64_t whole;
-    memcpy(&whole, number, sizeof whole);
-    const double value = type == 'i' ? (double)whole : type == 'u' ? (double)(uint64_t)whole : *number;
-    return lg_h5_is_fill(s->fill, value);
-}
-
 static lg_status put_numbers(lg_frame *f, const source *s, const double *values, size_t row, size_t rows,
                              lg_error *error) {
     static const double missing = NAN;
@@ -249,7 +241,12 @@ static lg_status put_numbers(lg_frame *f, const source *s, const double *values,
         for (size_t c = 0; c < s->columns; c++) {
             const uint32_t column = s->first + (uint32_t)c;
             const double *value = &values[s->axis == 0 ? i * s->columns + c : c * rows + i];
-            const bool fill = is_fill(s, type, value);
+            int64_t whole;
+            memcpy(&whole, value, sizeof whole);
+            const double number = type == 'i'   ? (double)whole
+                                  : type == 'u' ? (double)(uint64_t)whole
+                                                : *value;
+            const bool fill = lg_h5_is_fill(s->fill, number);
             if (lg_frame_is_wanted(f, column))
                 LG_TRY(lg_frame_put_number(f, row + i, column, fill ? 'd' : type, fill ? &missing : value,
                                            error));

@@ -62,6 +62,15 @@ lg_status lg_h5_no_memory(const lg_h5 *h5, lg_error *error) {
     return lg_no_memory_for(h5->path, error);
 }
 
+lg_status lg_h5_fail(const lg_h5 *h5, lg_error *error, const char *format, ...) {
+    char text[sizeof error->message];
+    va_list arguments;
+    va_start(arguments, format);
+    (void)lg_format_list(text, sizeof text, format, arguments);
+    va_end(arguments);
+    return lg_fail(error, LG_FORMAT, "%s: %s", lg_shown_path(h5->path), text);
+}
+
 void lg_h5_close(lg_h5 *h5) {
     if (h5 == NULL) return;
     LG_QUIET;

@@ -54,6 +54,9 @@ static inline const char *lg_tamed(char *text) {
 }
 
 lg_status lg_h5_no_memory(const lg_h5 *h5, lg_error *error);
+/* Fails with LG_FORMAT and a message that begins with the path of the file. */
+lg_status lg_h5_fail(const lg_h5 *h5, lg_error *error, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
 
 /* ---- composing; nothing touches the disk before lg_h5_commit ---- */
 lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out, lg_error *error);

@@ -30,8 +30,7 @@ static lg_status misfit(const lg_h5 *h5, const lg_h5_array *a, const lg_h5_about
                   size->from != NULL ? size->from : "");
     }
     lg_shape_text(have, about->rank, about->dims);
-    return lg_fail(error, LG_FORMAT, "%s: /%s: has shape %s, expected (%s)", lg_shown_path(h5->path), a->name,
-                   have, want);
+    return lg_h5_fail(h5, error, "/%s: has shape %s, expected (%s)", a->name, have, want);
 }
 
 lg_status lg_h5_fit(lg_h5 *h5, const lg_h5_array *a, size_t bytes, bool words, lg_h5_about *about,
@@ -45,10 +44,10 @@ lg_status lg_h5_fit(lg_h5 *h5, const lg_h5_array *a, size_t bytes, bool words, l
     const uint64_t *dims = list ? &about->count : about->dims;
     bool fits = rank == rank_of(a);
     if (fits && rank > 1 && !lg_h5_is_vector(about) && lg_h5_has_attribute(h5, a->name, "MATLAB_class"))
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /%s: MATLAB has saved it with its dimensions in reverse order: write it with "
-                       "h5write and permute(x, %u:-1:1)",
-                       lg_shown_path(h5->path), a->name, rank);
+        return lg_h5_fail(h5, error,
+                          "/%s: MATLAB has saved it with its dimensions in reverse order: write it with "
+                          "h5write and permute(x, %u:-1:1)",
+                          a->name, rank);
     for (uint32_t i = 0; i < rank && fits; i++)
         fits = a->dims[i]->n > 0 ? dims[i] == a->dims[i]->n : dims[i] > 0;
     if (!fits) return misfit(h5, a, about, error);

@@ -77,20 +77,6 @@ lg_status lg_h5_number(lg_h5 *h5, const char *object, const char *name, lg_eleme
 
 /* ---- the file's own attributes ---- */
 
-static lg_status check_version(lg_h5 *h5, lg_error *error) {
-    int64_t version;
-    const char *shown = lg_shown_path(h5->path);
-    if (!lg_h5_has_attribute(h5, "", "format_version")) return LG_OK;
-    LG_TRY(lg_h5_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error));
-    if (version > LG_FORMAT_VERSION)
-        return lg_fail(error, LG_VERSION, "%s: attribute format_version is %lld, this program reads up to %d",
-                       shown, (long long)version, LG_FORMAT_VERSION);
-    if (version < 1)
-        return lg_fail(error, LG_FORMAT, "%s: attribute format_version is %lld, expected 1 or more", shown,
-                       (long long)version);
-    return LG_OK;
-}
-
 bool lg_h5_is_ours(lg_h5 *h5) {
     char text[16] = "";
     (void)lg_h5_text(h5, "", "format", text, sizeof text, NULL); /* on failure it stays empty */
@@ -99,22 +85,27 @@ bool lg_h5_is_ours(lg_h5 *h5) {
 
 lg_status lg_h5_check_format(lg_h5 *h5, const char *kind, bool foreign, lg_error *error) {
     char text[64] = "";
+    int64_t version = 1;
     const bool ours = lg_h5_is_ours(h5), has_kind = lg_h5_has_attribute(h5, "", "kind");
-    const char *shown = lg_shown_path(h5->path);
     if (!ours && lg_h5_has_attribute(h5, "", "format")) {
         if (foreign) return LG_OK;
         (void)lg_h5_text(h5, "", "format", text, sizeof text, NULL);
-        return lg_fail(error, LG_FORMAT, "%s: attribute format is '%s', expected 'liegrad'", shown,
-                       lg_tamed(text));
+        return lg_h5_fail(h5, error, "attribute format is '%s', expected 'liegrad'", lg_tamed(text));
     }
-    LG_TRY(check_version(h5, error));
+    if (lg_h5_has_attribute(h5, "", "format_version"))
+        LG_TRY(lg_h5_number(h5, "", "format_version", LG_ELEMENT_I64, &version, error));
+    if (version > LG_FORMAT_VERSION)
+        return lg_fail(error, LG_VERSION, "%s: attribute format_version is %lld, this program reads up to %d",
+                       lg_shown_path(h5->path), (long long)version, LG_FORMAT_VERSION);
+    if (version < 1)
+        return lg_h5_fail(h5, error, "attribute format_version is %lld, expected 1 or more",
+                          (long long)version);
     if (kind == NULL || (foreign && !has_kind)) return LG_OK;
-    if (!has_kind)
-        return lg_fail(error, LG_FORMAT, "%s: attribute kind is missing, expected '%s'", shown, kind);
+    if (!has_kind) return lg_h5_fail(h5, error, "attribute kind is missing, expected '%s'", kind);
     LG_TRY(lg_as_format(lg_h5_text(h5, "", "kind", text, sizeof text, error), error));
     if (strcmp(text, kind) != 0 && (ours || !foreign))
-        return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected '%s': %s", shown,
-                       lg_tamed(text), kind, lg_h5_what_is(text));
+        return lg_h5_fail(h5, error, "attribute kind is '%s', expected '%s': %s", lg_tamed(text), kind,
+                          lg_h5_what_is(text));
     return LG_OK;
 }
 

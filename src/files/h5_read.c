@@ -12,34 +12,15 @@
 
 /* ---- opening ---- */
 
-static hid_t new_access_list(void) {
-    hid_t access_list = H5Pcreate(H5P_FILE_ACCESS);
-#if H5_VERSION_GE(1, 10, 7)
-    (void)H5Pset_file_locking(access_list, false, true);
-#endif
-    return access_list;
-}
-
-static hid_t open_file(const char *path) {
-    LG_ID access_list = new_access_list();
-    return H5Fopen(path, H5F_ACC_RDONLY, access_list);
-}
-
-/* Opens a copy in memory that may be changed. */
-static hid_t open_image(const lg_h5 *h5, void *image, size_t bytes) {
-    LG_ID access_list = new_access_list();
-    if (H5Pset_fapl_core(access_list, LG_CORE_INCREMENT, false) < 0 ||
-        H5Pset_file_image(access_list, image, bytes) < 0)
+/* Opens a copy in memory that may be changed. It reads the file itself: HDF5 would open the file for writing,
+ * though nothing is written to it. */
+static hid_t open_copy(const lg_h5 *h5, FILE *from, uint64_t bytes, hid_t access_list) {
+    LG_SCRATCH(char, image, h5->context, bytes);
+    if (image == NULL || fread(image, 1, (size_t)bytes, from) != bytes ||
+        H5Pset_fapl_core(access_list, LG_CORE_INCREMENT, false) < 0 ||
+        H5Pset_file_image(access_list, image, (size_t)bytes) < 0)
         return H5I_INVALID_HID;
     return H5Fopen(lg_h5_memory_name(h5).text, H5F_ACC_RDWR, access_list);
-}
-
-/* Reads the file into memory itself: HDF5 would open the file for writing, though nothing is written to
- * it. */
-static hid_t open_copy(const lg_h5 *h5, FILE *from, uint64_t bytes) {
-    LG_SCRATCH(char, image, h5->context, bytes);
-    const bool whole = image != NULL && fread(image, 1, (size_t)bytes, from) == bytes;
-    return whole ? open_image(h5, image, (size_t)bytes) : H5I_INVALID_HID;
 }
 
 static lg_status open_handle(const lg_context *context, const char *path, const lg_read_options *options,
@@ -54,7 +35,12 @@ static lg_status open_handle(const lg_context *context, const char *path, const 
     const uint64_t plausible = bytes > UINT64_MAX / EXPANSION ? UINT64_MAX : bytes * EXPANSION;
     h5->max_size = chosen.max_size < plausible ? chosen.max_size : plausible;
     LG_QUIET;
-    if (bytes > 0) h5->file = edit ? open_copy(h5, from, bytes) : open_file(path);
+    LG_ID access = H5Pcreate(H5P_FILE_ACCESS);
+#if H5_VERSION_GE(1, 10, 7)
+    (void)H5Pset_file_locking(access, false, true);
+#endif
+    if (bytes > 0)
+        h5->file = edit ? open_copy(h5, from, bytes, access) : H5Fopen(path, H5F_ACC_RDONLY, access);
     (void)fclose(from);
     if (bytes == 0) return lg_fail(error, LG_FORMAT, "%s: is empty: write it again", lg_shown_path(path));
     if (h5->file < 0)
@@ -111,7 +97,7 @@ hid_t lg_dataset_memory(const lg_dataset *d, hid_t type) {
 }
 
 lg_status lg_dataset_error(const lg_h5 *h5, const char *name, const char *what, lg_error *error) {
-    return lg_fail(error, LG_FORMAT, "%s: /%s: %s", lg_shown_path(h5->path), name, what);
+    return lg_h5_fail(h5, error, "/%s: %s", name, what);
 }
 
 /* False if the data lies in other files, as in external storage and virtual data sets. Such data is not
@@ -133,9 +119,8 @@ static lg_status read_extent(const lg_h5 *h5, const char *name, size_t bytes, lg
     if (rank < 0)
         return lg_dataset_error(h5, name, "has no shape (a null data space); write an array", error);
     if (rank > LG_MAX_RANK)
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /%s: has rank %d, but at most %d can be read; write several data sets",
-                       lg_shown_path(h5->path), name, rank, LG_MAX_RANK);
+        return lg_h5_fail(h5, error, "/%s: has rank %d, but at most %d can be read; write several data sets",
+                          name, rank, LG_MAX_RANK);
     uint64_t most = h5->max_size / bytes;
     d->rank = (uint32_t)rank;
     d->count = 1;
@@ -160,11 +145,9 @@ static lg_status open_set(lg_h5 *h5, const char *name, size_t bytes, lg_dataset 
                        "%s: has no /%s; write this data set, or rename the one that you mean",
                        lg_shown_path(h5->path), name);
     d->set = H5Oopen(h5->file, name, h5->links);
-    if (d->set >= 0 && H5Iget_type(d->set) != H5I_DATASET) {
-        lg_id_close(&d->set);
-        d->set = H5I_INVALID_HID;
-    }
     if (d->set < 0)
+        return lg_dataset_error(h5, name, "leads nowhere, or is of a newer HDF5: write an array", error);
+    if (H5Iget_type(d->set) != H5I_DATASET)
         return lg_dataset_error(h5, name, "is not a data set; write an array under this name", error);
     if (!is_local(d->set))
         return lg_dataset_error(h5, name, "keeps its data in another file; write them into this one", error);
@@ -201,12 +184,6 @@ static lg_status open_numbers(lg_h5 *h5, const char *name, lg_dataset *d, lg_err
     return lg_is_number(d->type) ? LG_OK : lg_dataset_error(h5, name, LG_NO_NUMBERS, error);
 }
 
-static double spacing(hid_t type) {
-    if (H5Tget_class(type) != H5T_FLOAT) return 0.0;
-    size_t bytes = H5Tget_size(type);
-    return bytes <= 2 ? 0x1p-10 : bytes <= 4 ? FLT_EPSILON : DBL_EPSILON;
-}
-
 static H5T_conv_ret_t no_overflow(H5T_conv_except_t kind, hid_t from, hid_t to, void *source, void *target,
                                   void *user) {
     return kind == H5T_CONV_EXCEPT_RANGE_HI || kind == H5T_CONV_EXCEPT_RANGE_LOW ? H5T_CONV_ABORT
@@ -241,25 +218,23 @@ static lg_status read_part(lg_h5 *h5, const char *name, const lg_dataset *d, hid
         H5Dread(d->set, element, room, part, transfer, out) >= 0)
         return LG_OK;
     if (missing_filter(d->set, filter, sizeof filter))
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /%s: is compressed with '%s', which this HDF5 cannot undo: write it with gzip or "
-                       "without compression",
-                       lg_shown_path(h5->path), name, filter);
+        return lg_h5_fail(h5, error,
+                          "/%s: is compressed with '%s', which this HDF5 cannot undo: write it with gzip or "
+                          "without compression",
+                          name, filter);
     return lg_dataset_error(
         h5, name, "cannot be read: cut short, damaged, or a number out of range; write it again", error);
 }
 
 /* If integers of the file and of memory differ only in sign and byte order, HDF5 reverses the bytes and does
  * not check the range. A number out of range then has the same bits as a number in range, and its highest bit
- * is set. */
-static bool is_reinterpreted(hid_t stored, hid_t memory) {
-    return H5Tget_class(stored) == H5T_INTEGER && H5Tget_class(memory) == H5T_INTEGER &&
-           H5Tget_size(stored) == H5Tget_size(memory) && H5Tget_sign(stored) != H5Tget_sign(memory);
-}
-
-static bool has_highest_bit(const unsigned char *values, uint64_t count, hid_t memory) {
+ * is set. Whether there is such a number. */
+static bool is_reinterpreted(hid_t stored, hid_t memory, const unsigned char *values, uint64_t count) {
     const size_t size = H5Tget_size(memory), top = H5Tget_order(memory) == H5T_ORDER_LE ? size - 1 : 0;
-    uint64_t i = 0;
+    uint64_t i = H5Tget_class(stored) == H5T_INTEGER && H5Tget_class(memory) == H5T_INTEGER &&
+                         H5Tget_size(stored) == size && H5Tget_sign(stored) != H5Tget_sign(memory)
+                     ? 0
+                     : count;
     while (i < count && (values[i * size + top] & 0x80) == 0) i++;
     return i < count;
 }
@@ -293,9 +268,8 @@ static lg_status rounded(const lg_h5 *h5, const char *name, const lg_dataset *d,
     char where[LG_SHAPE_TEXT];
     const uint64_t row = d->rank > 0 ? at / (d->count / d->dims[0]) : 0;
     index_text(where, d->rank, d->dims, at);
-    return lg_fail(error, LG_FORMAT, "%s: /%s: row %llu, index %s: %s%llu is beyond 2^53 and " LG_ROUNDED,
-                   lg_shown_path(h5->path), name, (unsigned long long)row + 1, where, minus ? "-" : "",
-                   (unsigned long long)magnitude);
+    return lg_h5_fail(h5, error, "/%s: row %llu, index %s: %s%llu is beyond 2^53 and " LG_ROUNDED, name,
+                      (unsigned long long)row + 1, where, minus ? "-" : "", (unsigned long long)magnitude);
 }
 
 void lg_h5_fills(lg_h5 *h5, const char *name, double fill[LG_H5_FILLS]) {
@@ -353,7 +327,7 @@ static lg_status read_all(lg_h5 *h5, const char *name, const lg_dataset *d, hid_
     if (memory == H5T_NATIVE_DOUBLE)
         return read_doubles(h5, name, d, H5S_ALL, H5S_ALL, 0, d->count, true, LG_H5_EXACT, out, error);
     LG_TRY(read_part(h5, name, d, memory, H5S_ALL, H5S_ALL, true, out, error));
-    if (!is_reinterpreted(d->type, memory) || !has_highest_bit(out, d->count, memory)) return LG_OK;
+    if (!is_reinterpreted(d->type, memory, out, d->count)) return LG_OK;
     return lg_dataset_error(h5, name, "cannot be read: a number is out of range", error);
 }
 
@@ -388,39 +362,25 @@ lg_status lg_check_finite(const char *path, const char *name, uint32_t rank, con
 /* ---- arrays of any type ---- */
 
 static lg_h5_class class_of(hid_t type) {
-    switch (H5Tget_class(type)) {
-    case H5T_INTEGER:
-        return is_sound(type) ? LG_H5_WHOLE : LG_H5_OTHER;
-    case H5T_ENUM:
-        return LG_H5_WHOLE;
-    case H5T_FLOAT:
-        return is_sound(type) ? LG_H5_REAL : LG_H5_OTHER;
-    case H5T_STRING:
-        return LG_H5_WORDS;
-    case H5T_COMPOUND:
-        return LG_H5_TABLE;
-    default:
-        return LG_H5_OTHER;
-    }
-}
-
-static bool is_wide(hid_t type) {
-    const size_t exact = H5Tget_class(type) == H5T_FLOAT ? sizeof(float) : 3;
-    return H5Tget_size(type) > exact;
-}
-
-static void find_chunk(const lg_dataset *d, uint64_t chunk[LG_MAX_RANK]) {
-    hsize_t shape[LG_MAX_RANK] = {0};
-    LG_ID plist = H5Dget_create_plist(d->set);
-    if (H5Pget_layout(plist) == H5D_CHUNKED && H5Pget_chunk(plist, LG_MAX_RANK, shape) == (int)d->rank)
-        memcpy(chunk, shape, sizeof shape);
+    const H5T_class_t kind = H5Tget_class(type);
+    const bool number = lg_is_number(type);
+    return kind == H5T_ENUM || (number && kind == H5T_INTEGER) ? LG_H5_WHOLE
+           : number                                            ? LG_H5_REAL
+           : kind == H5T_STRING                                ? LG_H5_WORDS
+           : kind == H5T_COMPOUND                              ? LG_H5_TABLE
+                                                               : LG_H5_OTHER;
 }
 
 static void describe(const lg_dataset *d, lg_h5_about *out) {
-    *out = (lg_h5_about){
-        .kind = class_of(d->type), .rank = d->rank, .count = d->count, .wide = is_wide(d->type)};
-    out->epsilon = spacing(d->type);
-    find_chunk(d, out->chunk);
+    const size_t bytes = H5Tget_size(d->type);
+    const bool real = H5Tget_class(d->type) == H5T_FLOAT;
+    hsize_t chunk[LG_MAX_RANK] = {0};
+    LG_ID plist = H5Dget_create_plist(d->set);
+    *out = (lg_h5_about){.kind = class_of(d->type), .rank = d->rank, .count = d->count};
+    out->wide = bytes > (real ? sizeof(float) : 3);
+    if (real) out->epsilon = bytes <= 2 ? 0x1p-10 : bytes <= 4 ? FLT_EPSILON : DBL_EPSILON;
+    if (H5Pget_layout(plist) == H5D_CHUNKED && H5Pget_chunk(plist, LG_MAX_RANK, chunk) == (int)d->rank)
+        memcpy(out->chunk, chunk, sizeof chunk);
     if (is_long(d->type)) out->raw = lg_h5_long_type(d->type) == H5T_NATIVE_INT64 ? 'i' : 'u';
     if (out->kind == LG_H5_TABLE) out->members = (uint32_t)H5Tget_nmembers(d->type);
     memcpy(out->dims, d->dims, sizeof d->dims);
@@ -528,8 +488,8 @@ lg_status lg_h5_narrow(const lg_h5 *h5, const char *name, const int64_t *values,
                        uint32_t most, uint32_t *out, lg_error *error) {
     for (uint64_t i = 0; i < count; i++) {
         if (values[i] < 0 || values[i] > most)
-            return lg_fail(error, LG_FORMAT, "%s: /%s: is %lld at index (%llu), expected 0 to %u",
-                           lg_shown_path(h5->path), name, (long long)values[i], (unsigned long long)i, most);
+            return lg_h5_fail(h5, error, "/%s: is %lld at index (%llu), expected 0 to %u", name,
+                              (long long)values[i], (unsigned long long)i, most);
         out[i] = (uint32_t)values[i];
     }
     return LG_OK;
@@ -566,8 +526,7 @@ static lg_status sweep_numbers(lg_h5 *h5, const char *name, lg_error *error) {
 static herr_t sweep_object(hid_t root, const char *name, const H5O_info_t *info, void *user) {
     sweep *s = user;
     if (lg_h5_is_deep(name)) {
-        s->status = lg_fail(s->error, LG_FORMAT, "%s: groups are nested too deep: move the data to the root",
-                            lg_shown_path(s->h5->path));
+        s->status = lg_h5_fail(s->h5, s->error, "groups are nested too deep: move the data to the root");
         return 1;
     }
     LG_ID object = H5Oopen(root, name, s->h5->links);
@@ -582,7 +541,6 @@ lg_status lg_h5_read_all(lg_h5 *h5, lg_error *error) {
     sweep s = {h5, LG_OK, error};
     const herr_t visited = H5Ovisit(h5->file, H5_INDEX_NAME, H5_ITER_NATIVE, sweep_object, &s);
     if (s.status == LG_OK && visited < 0)
-        return lg_fail(error, LG_FORMAT, "%s: is cut short or damaged: write it again",
-                       lg_shown_path(h5->path));
+        return lg_h5_fail(h5, error, "is cut short or damaged: write it again");
     return s.status;
 }

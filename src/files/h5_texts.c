@@ -29,11 +29,11 @@ static lg_status begin_texts(lg_h5 *h5, hid_t type, size_t longest, uint64_t cou
     t->size = t->variable ? sizeof(char *) : stored + 1;
     if (!t->variable && (stored > longest || H5Tset_size(t->type, t->size) < 0 ||
                          H5Tset_strpad(t->type, H5T_STR_NULLTERM) < 0))
-        return lg_fail(
-            error, LG_FORMAT,
-            "%s: /%s: has a type of %zu bytes for each text; at most %zu can be read: use a narrower "
+        return lg_h5_fail(
+            h5, error,
+            "/%s: has a type of %zu bytes for each text; at most %zu can be read: use a narrower "
             "type, or variable length",
-            lg_shown_path(h5->path), name, stored, longest);
+            name, stored, longest);
     t->piece = t->variable ? PIECE_TEXTS : PIECE_BYTES / t->size;
     if (t->piece > count) t->piece = (size_t)count;
     t->memory = t->piece * t->size <= sizeof t->few ? t->few : lg_alloc(h5->context, t->piece, t->size);
@@ -58,9 +58,9 @@ static lg_status visit_piece(texts *t, uint64_t first, size_t count, const char 
     for (size_t i = 0; i < count; i++) {
         const char *text = text_at(t, i);
         if (text == NULL)
-            return lg_fail(error, LG_FORMAT,
-                           "%s: /%s: the text at index (%llu) is too long: shorten it to %zu bytes",
-                           lg_shown_path(t->h5->path), name, (unsigned long long)(first + i), t->longest - 1);
+            return lg_h5_fail(t->h5, error,
+                              "/%s: the text at index (%llu) is too long: shorten it to %zu bytes", name,
+                              (unsigned long long)(first + i), t->longest - 1);
         LG_TRY(visit(user, first + i, text, error));
     }
     return LG_OK;

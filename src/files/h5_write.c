@@ -7,17 +7,12 @@ void lg_io_setup(void) {
     (void)H5dont_atexit();
 }
 
-/* False if there is no memory for the cache of a file; HDF5 1.10 would crash then. */
-static bool has_room_for_cache(void) {
-    enum { CACHE = 4 << 20 };
-    void *volatile room = malloc(CACHE);
-    free(room);
-    return room != NULL;
-}
-
 lg_status lg_h5_create(const lg_context *context, const char *path, lg_h5 **out, lg_error *error) {
+    enum { CACHE = 4 << 20 };
     LG_CLEAN(lg_h5_close_at) lg_h5 *h5 = NULL;
-    if (!has_room_for_cache()) return lg_no_memory_for(path, error);
+    void *volatile room = malloc(CACHE); /* without memory for the cache of a file, HDF5 1.10 would crash */
+    free(room);
+    if (room == NULL) return lg_no_memory_for(path, error);
     LG_TRY(lg_h5_new(context, path, &h5, error));
     LG_QUIET;
     LG_ID create = H5Pcreate(H5P_FILE_CREATE), access = H5Pcreate(H5P_FILE_ACCESS);

@@ -99,11 +99,6 @@ static int write_lock(int fd, const char *words) {
     return code != 0 ? code : lg_sync(fd);
 }
 
-/* Some file systems can neither rename without replacing nor link. Commands run without locks there. */
-static bool cannot_link(int code) {
-    return code == EPERM || code == ENOSYS || code == EOPNOTSUPP;
-}
-
 /* Makes the file under a temporary name, and renames it. */
 static held make(taking *t) {
     char name[LG_OWN_NAME];
@@ -113,7 +108,9 @@ static held make(taking *t) {
     const int code = got == HELD_HERE ? write_lock(t->fd, t->words) : 0;
     if (code != 0) got = never(t, code);
     if (got == HELD_HERE && lg_give_name(t->folder, name, t->name)) return got;
-    if (got == HELD_HERE) got = errno == EEXIST ? HELD_GONE : never(t, cannot_link(errno) ? 0 : errno);
+    /* Some file systems can neither rename without replacing nor link. Commands run without locks there. */
+    const bool cannot_link = errno == EPERM || errno == ENOSYS || errno == EOPNOTSUPP;
+    if (got == HELD_HERE) got = errno == EEXIST ? HELD_GONE : never(t, cannot_link ? 0 : errno);
     (void)unlinkat(t->folder, name, 0);
     (void)close(t->fd);
     return got;

@@ -128,17 +128,12 @@ static bool is_report(const lg_context *context, lg_error *report) {
     return strcmp(lg_status_name(report->status), "UNKNOWN") != 0 && !lg_tame(report->message);
 }
 
-static bool may_be_unconfined(void) {
-    const char *text = getenv("LIEGRAD_UNCONFINED");
-    return text != NULL && strcmp(text, "1") == 0;
-}
-
 static _Noreturn void run_child(int fd, const char *path, const lg_read_options *options,
                                 const struct stat *file, lg_status (*read)(void *user, lg_error *error),
                                 void *user) {
     lg_error report = {LG_OK, ""};
-    const char *missing = enter_child(options, file, fd);
-    report.status = missing == NULL || may_be_unconfined()
+    const char *missing = enter_child(options, file, fd), *may = getenv("LIEGRAD_UNCONFINED");
+    report.status = missing == NULL || (may != NULL && strcmp(may, "1") == 0)
                         ? read(user, &report)
                         : lg_fail(&report, LG_FILE,
                                   "%s: is not read, because the process that checks it cannot be confined: "

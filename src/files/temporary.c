@@ -59,6 +59,7 @@ lg_status lg_refuse_own_name(const char *target, lg_error *error) {
 }
 
 lg_status lg_cannot_write(const char *target, int code, lg_error *error) {
+    if (code == ENOMEM) return lg_no_memory_for(target, error);
     return lg_fail(error, LG_FILE, "%s: cannot be written: %s", lg_shown_path(target), strerror(code));
 }
 
@@ -252,17 +253,13 @@ static void sync_folder(const char *target) {
     if (folder >= 0) (void)close(folder);
 }
 
-/* Closes a duplicate of the descriptor. NFS reports a failed write only when a descriptor is closed, and this
- * must be known before the rename. `fd` itself must stay open, because it holds the lock. */
-static int close_copy(int fd) {
-    const int copy = dup(fd);
-    return copy < 0 || close(copy) == 0 || errno == EINTR ? 0 : errno;
-}
-
 lg_status lg_temporary_publish(lg_temporary *temporary, const char *target, lg_error *error) {
     LG_NEEDS(error, temporary, target);
     int code = lg_sync(temporary->fd);
-    if (code == 0) code = close_copy(temporary->fd);
+    /* NFS reports a failed write only when a descriptor is closed, and this must be known before the rename.
+     * The descriptor itself must stay open, because it holds the lock. */
+    const int copy = code == 0 ? dup(temporary->fd) : -1;
+    if (copy >= 0 && close(copy) != 0 && errno != EINTR) code = errno;
     char *real = destination(target);
     if (code == 0 && (real == NULL || rename(temporary->name, real) != 0)) code = errno;
     if (code == 0) sync_folder(real);

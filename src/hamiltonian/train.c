@@ -228,53 +228,47 @@ static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint
     const lg_hamiltonian_problem *problem = user;
     const size_t points = problem->points - 1;
     const double power = ldexp(1.0, problem->scheme->order), factor = power / (power - 1.0);
-    lg_hamiltonian_vars vars;
-    lg_space space;
-    lg_var start[LG_HAMILTONIAN_MAX_PARTS], finer[LG_HAMILTONIAN_MAX_PARTS], once[PREDICTED],
-        twice[PREDICTED];
-    LG_TRY(begin(tape, problem, theta, samples, count, &vars, &space, start));
-    LG_TRY(predict(tape, problem, &vars, problem->substeps, start, once));
-    LG_TRY(predict(tape, problem, &vars, 2 * problem->substeps, start, twice));
-    const size_t parts = lg_taped_parts(&space);
-    for (size_t part = 0; part < parts; part++) finer[part] = all_points(tape, twice, points, parts, part);
-    lg_var squares = squared_error(tape, problem, LG_DISTANCE_AMBIENT, &space, points, once, finer);
-    *floor = lg_scale(tape, squares, factor * factor / terms_of(problem, &space, batch));
+    shard s;
+    lg_var finer[LG_HAMILTONIAN_MAX_PARTS], twice[PREDICTED];
+    LG_TRY(run(tape, problem, theta, samples, count, &s));
+    LG_TRY(predict(tape, problem, &s.vars, 2 * problem->substeps, s.y, twice));
+    for (size_t k = 0; k < s.parts; k++) finer[k] = all_points(tape, twice, points, s.parts, k);
+    lg_var squares =
+        squared_error(tape, problem, LG_DISTANCE_AMBIENT, &s.space, points, s.y + s.parts, finer);
+    *floor = lg_scale(tape, squares, factor * factor / terms_of(problem, &s.space, batch));
     return lg_tape_status(tape);
 }
 
-/* Sets weights that take the squares from the model's scales back to the units of the data. */
-static void weigh_in_units(lg_hamiltonian_problem *problem) {
-    const lg_hamiltonian_scales *scales = &problem->model->scales;
+/* The mean over all data of the loss, or of the floor, with weights that take the squares from the model's
+ * scales back to the units of the data. */
+static lg_status mean_in_units(const lg_context *context, lg_hamiltonian_problem problem, bool floor,
+                               const double *theta, double *out, lg_error *error) {
+    lg_fit_problem fit;
     for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
-        problem->weight[i] = scales->part[i] * scales->part[i];
+        problem.weight[i] = problem.model->scales.part[i] * problem.model->scales.part[i];
+    lg_hamiltonian_fit_problem(&problem, &fit);
+    if (floor) fit.loss = shard_floor;
+    return lg_fit_problem_loss(context, &fit, theta, out, error);
 }
 
 lg_status lg_hamiltonian_mean_squared_error(const lg_context *context, const lg_hamiltonian_problem *problem,
                                             const double *theta, double *out, lg_error *error) {
     LG_NEEDS(error, problem, theta, out);
     lg_hamiltonian_problem plain = *problem;
-    lg_fit_problem fit;
     plain.penalty = 0.0;
     plain.distance = LG_DISTANCE_AMBIENT;
     LG_TRY(lg_hamiltonian_problem_check(&plain, error));
-    weigh_in_units(&plain);
-    lg_hamiltonian_fit_problem(&plain, &fit);
-    return lg_fit_problem_loss(context, &fit, theta, out, error);
+    return mean_in_units(context, plain, false, theta, out, error);
 }
 
 lg_status lg_hamiltonian_floor(const lg_context *context, const lg_hamiltonian_problem *problem,
                                const double *theta, double *out, lg_error *error) {
     LG_NEEDS(error, problem, theta, out);
-    lg_hamiltonian_problem plain = *problem;
-    lg_fit_problem fit;
     LG_TRY(lg_hamiltonian_problem_check(problem, error));
     if (problem->substeps > UINT32_MAX / 2)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%u substeps are too many: twice their number must be below 2^32", problem->substeps);
-    weigh_in_units(&plain);
-    lg_hamiltonian_fit_problem(&plain, &fit);
-    fit.loss = shard_floor;
-    return lg_fit_problem_loss(context, &fit, theta, out, error);
+    return mean_in_units(context, *problem, true, theta, out, error);
 }
 
 /* ---- the problem ---- */

@@ -16,27 +16,24 @@ static bool is_all(const uint32_t *at, uint32_t count, uint32_t columns) {
     return all;
 }
 
-static void inputs_of(const lg_machine_term *term, uint32_t *at) {
-    for (uint32_t i = 0; i < term->of_count; i++) at[i] = term->of[i].index;
+/* The matrix that selects the inputs which the term changes, (of_count, inputs); LG_NONE: these are all. */
+static lg_var selection(const lg_term_at *at) {
+    const uint32_t count = at->term->of_count, all = at->machine->input_count;
+    uint32_t of[LG_MACHINE_INPUTS];
+    for (uint32_t i = 0; i < count; i++) of[i] = at->term->of[i].index;
+    return is_all(of, count, all) ? LG_NONE : lg_machine_record_selection(at->tape, of, count, all);
 }
 
 /* The inputs that the term changes, (B, of_count). */
-static lg_var chosen(lg_tape *tape, const lg_machine *machine, const lg_machine_term *term, lg_var u) {
-    uint32_t at[LG_MACHINE_INPUTS];
-    inputs_of(term, at);
-    if (is_all(at, term->of_count, machine->input_count)) return u;
-    return lg_matmul_nt(tape, u, lg_machine_record_selection(tape, at, term->of_count, machine->input_count));
+static lg_var chosen(const lg_term_at *at) {
+    const lg_var of = selection(at), u = at->seen->u;
+    return lg_is_none(of) ? u : lg_matmul_nt(at->tape, u, of);
 }
 
-/* u with `change` (B, of_count) added to the term's inputs. */
-static lg_var changed(lg_tape *tape, const lg_machine *machine, const lg_machine_term *term, lg_var u,
-                      lg_var change) {
-    uint32_t at[LG_MACHINE_INPUTS];
-    inputs_of(term, at);
-    if (!is_all(at, term->of_count, machine->input_count))
-        change = lg_matmul(tape, change,
-                           lg_machine_record_selection(tape, at, term->of_count, machine->input_count));
-    return lg_add(tape, u, change);
+/* The inputs with `change` (B, of_count) added to those of the term. */
+static lg_var changed(const lg_term_at *at, lg_var change) {
+    const lg_var of = selection(at);
+    return lg_add(at->tape, at->seen->u, lg_is_none(of) ? change : lg_matmul(at->tape, change, of));
 }
 
 lg_var lg_machine_put_lagged(lg_tape *tape, const lg_machine *machine, lg_var u, lg_var x) {
@@ -55,9 +52,10 @@ lg_var lg_machine_put_lagged(lg_tape *tape, const lg_machine *machine, lg_var u,
 lg_var lg_machine_record_actuated(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
     lg_machine_seen now = *seen;
-    for (uint32_t i = 0; i < machine->term_count && !lg_is_none(now.u); i++)
-        if (machine->terms[i].part == LG_MACHINE_ACTUATOR)
-            now.u = machine->terms[i].kind->record(tape, vars, i, &now);
+    for (uint32_t i = 0; i < machine->term_count && !lg_is_none(now.u); i++) {
+        const lg_term_at at = lg_term_at_of(tape, vars, i, &now);
+        if (at.term->part == LG_MACHINE_ACTUATOR) now.u = at.term->kind->record(&at);
+    }
     return now.u;
 }
 
@@ -68,16 +66,15 @@ static size_t curve_parameters(const lg_machine *machine, const lg_machine_term 
 }
 
 /* Coefficients (of_count, degree - 1). */
-static lg_var curve_numbers(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
-    const lg_machine_term *own = &vars->machine->terms[term];
+static lg_var curve_numbers(const lg_term_at *at) {
+    const lg_machine_term *own = at->term;
     const uint32_t each = own->degree - 1;
-    const lg_shape shape = lg_shape2(own->of_count, each);
     double factor[LG_MACHINE_INPUTS * LG_MACHINE_DEGREE];
-    if (own->value_count == 0) return lg_reshape(tape, vars->theta[term], shape);
     for (uint32_t i = 0; i < own->value_count; i++)
-        factor[i] = pow(vars->machine->scales.input[own->of[i / each].index], i % each + 1.0);
-    return lg_reshape(tape, lg_machine_record_entries(tape, vars, term, own->value_count, NULL, factor),
-                      shape);
+        factor[i] = pow(at->machine->scales.input[own->of[i / each].index], i % each + 1.0);
+    const lg_var all =
+        own->value_count == 0 ? at->theta : lg_machine_record_entries(at, own->value_count, NULL, factor);
+    return lg_reshape(at->tape, all, lg_shape2(own->of_count, each));
 }
 
 static void curve_entry(const lg_machine *machine, const lg_machine_term *term, uint32_t index,
@@ -87,16 +84,16 @@ static void curve_entry(const lg_machine *machine, const lg_machine_term *term, 
     (void)snprintf(out->name, sizeof out->name, "curve.%s.%u", machine->inputs[input], index % each + 2);
 }
 
-static lg_var curve(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
-    const lg_machine_term *own = &vars->machine->terms[term];
-    const lg_var c = lg_transpose(tape, curve_numbers(tape, vars, term));
-    const lg_var u = chosen(tape, vars->machine, own, seen->u);
+static lg_var curve(const lg_term_at *at) {
+    lg_tape *tape = at->tape;
+    const lg_var c = lg_transpose(tape, curve_numbers(at));
+    const lg_var u = chosen(at);
     lg_var sum = LG_NONE; /* Horner: u (c_2 + u (c_3 + ...)) */
-    for (uint32_t k = own->degree - 1; k-- > 0;) {
+    for (uint32_t k = at->term->degree - 1; k-- > 0;) {
         const lg_var row = lg_slice(tape, c, 0, k, 1);
         sum = lg_mul(tape, u, lg_is_none(sum) ? row : lg_add(tape, row, sum));
     }
-    return changed(tape, vars->machine, own, seen->u, lg_mul(tape, u, sum));
+    return changed(at, lg_mul(tape, u, sum));
 }
 
 /* ---- dead zones: 0 for |u| < d, else u - d sign u; a learned d is a square ---- */
@@ -113,19 +110,17 @@ static void dead_zone_entry(const lg_machine *machine, const lg_machine_term *te
     (void)snprintf(out->name, sizeof out->name, "dead_zone.%s", machine->inputs[input]);
 }
 
-static lg_var dead_zone(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                        const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
-    const lg_machine_term *own = &machine->terms[term];
-    const lg_shape shape = lg_shape2(1, own->of_count);
+static lg_var dead_zone(const lg_term_at *at) {
+    lg_tape *tape = at->tape;
+    const lg_machine_term *own = at->term;
+    const uint32_t n = own->of_count;
     double factor[LG_MACHINE_INPUTS];
-    for (uint32_t i = 0; i < own->of_count; i++) factor[i] = 1.0 / machine->scales.input[own->of[i].index];
-    const lg_var d = own->value_count > 0
-                         ? lg_machine_record_entries(tape, vars, term, own->of_count, NULL, factor)
-                         : lg_reshape(tape, lg_square(tape, vars->theta[term]), shape);
-    const lg_var u = chosen(tape, machine, own, seen->u);
+    for (uint32_t i = 0; i < n; i++) factor[i] = 1.0 / at->machine->scales.input[own->of[i].index];
+    const lg_var d = own->value_count > 0 ? lg_machine_record_entries(at, n, NULL, factor)
+                                          : lg_reshape(tape, lg_square(tape, at->theta), lg_shape2(1, n));
+    const lg_var u = chosen(at);
     const lg_var twice = lg_sub(tape, lg_abs(tape, lg_sub(tape, u, d)), lg_abs(tape, lg_add(tape, u, d)));
-    return changed(tape, machine, own, seen->u, lg_scale(tape, twice, 0.5));
+    return changed(at, lg_scale(tape, twice, 0.5));
 }
 
 /* ---- lags: tau x' = u - x, or two in series; log tau = log low + log(high/low) sigmoid(theta) ---- */
@@ -168,22 +163,21 @@ size_t lg_machine_set_lags(const lg_machine *machine, double tau, double *theta)
     return count;
 }
 
-static lg_var lag_of(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
-    const lg_machine *machine = vars->machine;
-    const lg_machine_term *own = &machine->terms[term];
-    const lg_shape shape = lg_shape2(1, own->of_count);
+static lg_var lag_of(const lg_term_at *at) {
+    lg_tape *tape = at->tape;
+    const lg_machine *machine = at->machine;
+    const uint32_t n = at->term->of_count;
     double factor[LG_MACHINE_INPUTS];
-    for (uint32_t i = 0; i < own->of_count; i++) factor[i] = 1.0 / machine->scales.time;
-    if (own->value_count > 0)
-        return lg_log(tape, lg_machine_record_entries(tape, vars, term, own->of_count, NULL, factor));
-    const lg_var part = lg_act(tape, lg_reshape(tape, vars->theta[term], shape), LG_SIGMOID);
+    for (uint32_t i = 0; i < n; i++) factor[i] = 1.0 / machine->scales.time;
+    if (at->term->value_count > 0) return lg_log(tape, lg_machine_record_entries(at, n, NULL, factor));
+    const lg_var part = lg_act(tape, lg_reshape(tape, at->theta, lg_shape2(1, n)), LG_SIGMOID);
     return lg_add_scalar(tape, lg_scale(tape, part, span_of(machine)),
                          log(machine->scales.lag[0] / machine->scales.time));
 }
 
 /* The lag acts in time: its inputs are lagged before they come here. */
-static lg_var lagged(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
-    return seen->u;
+static lg_var lagged(const lg_term_at *at) {
+    return at->seen->u;
 }
 
 static void lag_numbers(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
@@ -226,11 +220,12 @@ lg_var lg_machine_record_lag(lg_tape *tape, const lg_machine_vars *vars) {
     const lg_machine *machine = vars->machine;
     lg_var sum = LG_NONE;
     for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
+        const lg_term_at of = lg_term_at_of(tape, vars, i, NULL);
+        const lg_machine_term *term = of.term;
         uint32_t at[LG_MACHINE_INPUTS];
         if (term->kind->lag == NULL) continue;
         for (uint32_t k = 0; k < term->of_count; k++) at[k] = place_of(machine, term->of[k].index);
-        const lg_var own = term->kind->lag(tape, vars, i);
+        const lg_var own = term->kind->lag(&of);
         if (is_all(at, term->of_count, machine->lags)) return own;
         for (uint32_t o = 0; o < term->kind->order; o++) {
             const lg_var placed =

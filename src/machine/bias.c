@@ -40,13 +40,12 @@ void lg_machine_wrap_biases(const lg_machine *machine, double *theta) {
 }
 
 /* The biases of all columns, (1, positions + velocities), in scaled units; 0 in columns without a bias. */
-static lg_var record(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
-    const uint32_t n = machine->positions + machine->velocities;
+static lg_var record(const lg_term_at *at) {
+    const uint32_t n = at->machine->positions + at->machine->velocities;
     uint32_t columns[LG_MACHINE_FEATURES * 6];
-    const uint32_t count = columns_of(machine, &machine->terms[term], columns);
-    const lg_var place = lg_machine_record_selection(tape, columns, count, n);
-    return lg_matmul(tape, lg_reshape(tape, vars->theta[term], lg_shape2(1, count)), place);
+    const uint32_t count = columns_of(at->machine, at->term, columns);
+    const lg_var place = lg_machine_record_selection(at->tape, columns, count, n);
+    return lg_matmul(at->tape, lg_reshape(at->tape, at->theta, lg_shape2(1, count)), place);
 }
 
 const lg_term_kind lg_machine_bias_kinds[] = {{.name = "constant",

@@ -7,25 +7,27 @@
 
 /* ---- memory ---- */
 
-size_t lg_chain_numbers(const lg_chain *c) {
-    const size_t d = c->axes.count;
-    const lg_machine *machine = c->problem->machine;
-    const size_t shown = machine->accelerations ? machine->velocities * (c->columns + 1) : 0;
-    return c->count * (3 * c->axes.numbers + d * d + c->shared + 2 * d * c->columns + shown);
+size_t lg_chain_place(const lg_chain_array *arrays, size_t count, double *memory) {
+    size_t sum = 0;
+    for (size_t i = 0; i < count; sum += arrays[i++].length)
+        if (memory != NULL) *arrays[i].at = memory + sum;
+    return sum;
 }
 
-void lg_chain_place(lg_chain *c, double *memory) {
-    const size_t n = c->count * c->axes.numbers, d = c->axes.count;
-    c->z = memory;
-    c->next = c->z + n;
-    c->dz = c->next + n;
-    c->A = c->dz + n;
-    c->apart = c->A + c->count * d * d;
-    c->S = c->apart + c->count * c->shared;
-    c->moved = c->S + c->count * d * c->columns;
-    if (!c->problem->machine->accelerations) return;
-    c->a = c->moved + c->count * d * c->columns;
-    c->of_a = c->a + c->count * c->problem->machine->velocities;
+size_t lg_chain_place_all(lg_chain *c, double *memory) {
+    const lg_machine *machine = c->problem->machine;
+    const size_t n = c->count * c->axes.numbers, d = c->axes.count, S = c->count * d * c->columns,
+                 shown = machine->accelerations ? c->count * machine->velocities : 0;
+    const lg_chain_array arrays[] = {{&c->z, n},
+                                     {&c->next, n},
+                                     {&c->dz, n},
+                                     {&c->A, c->count * d * d},
+                                     {&c->apart, c->count * c->shared},
+                                     {&c->S, S},
+                                     {&c->moved, S},
+                                     {&c->a, shown},
+                                     {&c->of_a, shown * c->columns}};
+    return lg_chain_place(arrays, LG_COUNT(arrays), memory);
 }
 
 /* ---- sweeps ---- */
@@ -86,10 +88,8 @@ static void follow(const lg_kernels *k, const lg_chain *c, size_t rows, double *
 
 /* Binds the machine's parameters: known ones, or the first parameters of the fit. */
 static lg_status bind(lg_tape *tape, const lg_chain *c, recorded *x) {
-    const lg_machine *machine = c->problem->machine;
-    x->theta = lg_machine_parameter(tape, machine, c->shared > 0 ? c->theta : c->problem->theta);
-    return lg_machine_begin_flow(tape, machine, c->problem->scheme, c->problem->substeps, x->theta, &x->vars,
-                                 &x->flow);
+    x->theta = lg_machine_problem_parameter(tape, c->problem, c->theta);
+    return lg_machine_begin_flow(tape, c->problem, x->theta, &x->vars, &x->flow);
 }
 
 static lg_status record_points(lg_tape *tape, const lg_chain *c, recorded *x) {
@@ -210,25 +210,18 @@ static const double *slopes_of(const lg_chain *c, size_t s, size_t i) {
     return c->S + (s * c->axes.count + i) * c->columns;
 }
 
-/* Removes the component along q from a vector whose numbers are `stride` apart. */
-static void keep_across(const double q[3], double *x, size_t stride) {
-    const double along = q[0] * x[0] + q[1] * x[stride] + q[2] * x[2 * stride];
-    for (size_t m = 0; m < 3; m++) x[m * stride] -= along * q[m];
-}
-
-/* Removes the components along the logged directions from the velocities' rows of the residuals and the
- * Jacobian. */
-static void keep_all_across(const lg_chain *c, size_t row, double *r, double *jacobian) {
-    const lg_machine *machine = c->problem->machine;
+/* Removes the components along the logged directions from the velocities' rows (velocities, columns) of the
+ * residuals or the Jacobian. */
+static void keep_across(const lg_chain *c, size_t row, size_t columns, double *rows) {
     double along[LG_MACHINE_VELOCITIES];
     lg_machine_along_row(c->problem, row, along);
-    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
-        const uint32_t first = at.velocity;
-        if (at.directions == 0) continue;
-        keep_across(along + first, r + first, 1);
-        for (size_t j = 0; j < c->columns; j++)
-            keep_across(along + first, jacobian + first * c->columns + j, c->columns);
-    }
+    for (lg_machine_offsets at = {0}; lg_machine_next(c->problem->machine, &at);)
+        for (size_t j = 0; at.directions > 0 && j < columns; j++) {
+            const double *q = along + at.velocity;
+            double *x = rows + at.velocity * columns + j;
+            const double dot = q[0] * x[0] + q[1] * x[columns] + q[2] * x[2 * columns];
+            for (size_t m = 0; m < 3; m++) x[m * columns] -= dot * q[m];
+        }
 }
 
 /* Writes the rows of the current points of all windows: the residual along each axis, and S times the
@@ -242,11 +235,9 @@ static void put_rows(const lg_kernels *k, lg_chain *c) {
         shown_of(c, s, z);
         lg_machine_shown_row(machine, &c->problem->log, row, data, data + machine->positions);
         lg_machine_weigh_row(c->problem, row, c->factor, weight, weight + machine->positions);
-        for (uint32_t i = 0; i < numbers; i++) {
-            r[i] = weight[i] * (z[i] - data[i]);
-            if (i < machine->positions) c->loss += r[i] * r[i];
-        }
-        for (uint32_t i = machine->positions; c->r == NULL && i < numbers; i++) c->loss += r[i] * r[i];
+        for (uint32_t i = 0; i < numbers; i++) r[i] = weight[i] * (z[i] - data[i]);
+        keep_across(c, row, 1, r + machine->positions);
+        for (uint32_t i = 0; i < numbers; i++) c->loss += r[i] * r[i];
         if (c->r == NULL) continue;
         for (size_t i = 0; i < seen; i++) {
             const lg_row_axis *a = &c->axes.each[i];
@@ -256,10 +247,7 @@ static void put_rows(const lg_kernels *k, lg_chain *c) {
             k->fill(c->columns, 0.0, out);
             k->axpy(c->columns, length * weight[a->first], slopes_of(c, s, i), out);
         }
-        double *of_v = c->r + first + seen - machine->velocities;
-        if (machine->directions > 0)
-            keep_all_across(c, row, of_v, c->jacobian + (first + seen - machine->velocities) * c->columns);
-        for (uint32_t i = 0; i < machine->velocities; i++) c->loss += of_v[i] * of_v[i];
+        keep_across(c, row, c->columns, c->jacobian + (first + seen - machine->velocities) * c->columns);
     }
     c->done += seen;
 }

@@ -25,6 +25,8 @@ typedef struct lg_row_axis {
     enum { LG_ALONG, LG_TURN_DIRECTION, LG_TURN_ROTATION } kind;
     uint32_t first; /* index in z of the only number that changes, or of the first of 3 or 9 */
     uint32_t turn;  /* index of the rotation axis, in space for a direction, in the body for a rotation */
+    uint32_t coordinate; /* index; 0 for bristles */
+    bool turns;          /* it is an attitude, or the rate of one */
 } lg_row_axis;
 
 typedef struct lg_row_axes {
@@ -69,7 +71,7 @@ typedef struct lg_chain {
     double *apart;           /* (count, shared): gradient with respect to theta for each window */
     double *S, *moved;       /* (count, d, columns): S of the current and of the next points */
     /* Where accelerations are measured: those of the current points, (count, velocities), and their rows of
-     * the Jacobian, (count, velocities, columns). Else NULL. */
+     * the Jacobian, (count, velocities, columns). */
     double *a, *of_a;
     double *r, *jacobian; /* NULL: only the loss is computed, of a machine without directions */
     double loss;
@@ -77,9 +79,14 @@ typedef struct lg_chain {
     const lg_chain_run *run; /* NULL: each interval is computed when it is passed */
 } lg_chain;
 
-/* Numbers of memory that a chain needs, and its places in them. */
-size_t lg_chain_numbers(const lg_chain *c);
-void lg_chain_place(lg_chain *c, double *memory);
+/* Places arrays one after the other in `memory` (NULL: only counts); returns how many numbers they have. */
+typedef struct lg_chain_array {
+    double **at;
+    size_t length;
+} lg_chain_array;
+size_t lg_chain_place(const lg_chain_array *arrays, size_t count, double *memory);
+/* The same for the arrays of a chain. */
+size_t lg_chain_place_all(lg_chain *c, double *memory);
 /* The first point of a window that has residuals: 0 if starts are estimated, else 1. */
 uint32_t lg_chain_first(const lg_machine_problem *problem);
 /* Sets z and S at the first points of all windows. */

@@ -47,15 +47,13 @@ static void reverse(walk *x) {
 
 /* Moves the states z (count, numbers) from rows at[0..count-1] over one interval of `log`. */
 static lg_status pass(const walk *x, const lg_machine_log *log, const size_t *at, uint32_t count, double *z) {
-    const lg_machine *machine = x->problem->machine;
     lg_tape *tape = x->tape;
     lg_machine_vars vars;
     lg_machine_flow flow;
     lg_var parts[LG_TAPED_MAX_PARTS];
     lg_tape_reset(tape);
-    const double *theta = x->problem->theta != NULL ? x->problem->theta : x->theta;
-    LG_TRY(lg_machine_begin_flow(tape, machine, x->problem->scheme, x->problem->substeps,
-                                 lg_machine_parameter(tape, machine, theta), &vars, &flow));
+    LG_TRY(lg_machine_begin_flow(tape, x->problem, lg_machine_problem_parameter(tape, x->problem, x->theta),
+                                 &vars, &flow));
     const lg_var from = lg_input_f64(tape, lg_shape2(count, (uint32_t)x->numbers), z);
     LG_TRY(lg_machine_split_row(tape, &vars, from, parts));
     LG_TRY(lg_machine_record_interval(tape, &flow, log, at, count, parts));
@@ -158,28 +156,22 @@ static lg_status go_along(walk *x) {
 
 static void close_walk(walk *x) {
     lg_tape_destroy(x->tape);
-    lg_free(x->context, x->trial);
+    LG_FREE_ALL(x->context, x->trial, x->before, x->found, x->z, x->t, x->u);
 }
 
 static lg_status open_walk(const lg_context *context, const lg_machine_problem *problem, double *theta,
                            double *losses, walk *x) {
-    const lg_machine *machine = problem->machine;
-    const size_t windows = problem->windows, rows = problem->log.rows;
+    const size_t rows = problem->log.rows;
     *x = (walk){.context = context,
                 .problem = problem,
                 .theta = theta,
                 .losses = losses,
                 .parameters = lg_machine_problem_parameters(problem),
-                .numbers = lg_machine_start_numbers(machine)};
+                .numbers = lg_machine_start_numbers(problem->machine)};
     lg_machine_fit_problem(problem, &x->fit);
-    x->trial = lg_alloc(
-        context, x->parameters + windows + LG_FIT_CHUNK * x->numbers + rows * (1 + 4 * machine->input_count),
-        sizeof *x->trial);
-    if (x->trial == NULL) return LG_OUT_OF_MEMORY;
-    x->found = x->trial + x->parameters;
-    x->z = x->found + windows;
-    x->t = x->z + LG_FIT_CHUNK * x->numbers;
-    x->u = x->t + rows;
+    LG_TRY(LG_ALLOC_ALL(context, LG_ARRAY(x->trial, x->parameters), LG_ARRAY(x->before, x->parameters),
+                        LG_ARRAY(x->found, problem->windows), LG_ARRAY(x->z, LG_FIT_CHUNK * x->numbers),
+                        LG_ARRAY(x->t, rows), LG_ARRAY(x->u, rows * 4 * problem->machine->input_count)));
     reverse(x);
     return lg_tape_create(context, NULL, &x->tape);
 }
@@ -244,18 +236,12 @@ static lg_status settle(walk *x, lg_error *error) {
 static lg_status estimate_states(const lg_context *context, const lg_machine_problem *problem, double *q,
                                  double *v, lg_error *error) {
     const size_t n = lg_machine_problem_parameters(problem);
-    LG_TRY_SCRATCH(double, memory, context, 2 * n + problem->windows, lg_no_memory(error));
-    walk x = {.context = context};
-    lg_status status = open_walk(context, problem, memory, memory + 2 * n, &x);
-    if (status == LG_OK) {
-        x.before = memory + n;
-        memset(memory, 0, n * sizeof *memory);
-        status = settle(&x, error);
-        for (size_t first = 0; first < problem->windows && status == LG_OK; first += LG_FIT_CHUNK)
-            status = lg_tape_conclude(x.tape, write_states(&x, first, q, v), error);
-    } else {
-        (void)lg_tape_conclude(x.tape, status, error);
-    }
+    LG_TRY_SCRATCH(double, theta, context, n + problem->windows, lg_no_memory(error));
+    walk x;
+    lg_status status = lg_tape_conclude(NULL, open_walk(context, problem, theta, theta + n, &x), error);
+    if (status == LG_OK) status = settle(&x, error);
+    for (size_t first = 0; first < problem->windows && status == LG_OK; first += LG_FIT_CHUNK)
+        status = lg_tape_conclude(x.tape, write_states(&x, first, q, v), error);
     close_walk(&x);
     return status;
 }

@@ -58,10 +58,11 @@ static lg_number_map map_of(const lg_machine *machine, const lg_machine_term *te
     return lg_machine_entry_map(e, start, about->unit, about->positive);
 }
 
-lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t count,
-                                 const uint32_t *index, const double *factor) {
-    const lg_machine *machine = vars->machine;
-    const lg_machine_term *own = &machine->terms[term];
+lg_var lg_machine_record_entries(const lg_term_at *at, uint32_t count, const uint32_t *index,
+                                 const double *factor) {
+    lg_tape *tape = at->tape;
+    const lg_machine *machine = at->machine;
+    const lg_machine_term *own = at->term;
     double known[LG_MACHINE_VALUES], placed[MOST * LG_MACHINE_VALUES];
     lg_number_map maps[MOST];
     const lg_shape row = lg_shape2(1, count);
@@ -81,7 +82,7 @@ lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uin
             placed[k * count + i] = factor[i];
         }
     }
-    const lg_var t = lg_reshape(tape, vars->theta[term], lg_shape2(1, own->entry_count));
+    const lg_var t = lg_reshape(tape, at->theta, lg_shape2(1, own->entry_count));
     const lg_var x = lg_machine_record_maps(tape, maps, own->entry_count, t);
     const lg_var all = lg_matmul(tape, x, lg_input_f64(tape, lg_shape2(own->entry_count, count), placed));
     return lg_add(tape, all, lg_input_f64(tape, row, known));
@@ -184,17 +185,11 @@ double lg_machine_prior_weight(const lg_machine_problem *problem, size_t batch) 
 
 /* ---- coefficients of damping ---- */
 
-/* theta^2, (1, velocities). */
-static lg_var squares(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
-    return lg_reshape(tape, lg_square(tape, vars->theta[term]), lg_shape2(1, vars->machine->velocities));
-}
-
-lg_var lg_machine_record_drag(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, int power) {
-    const lg_machine *machine = vars->machine;
-    const lg_machine_term *own = &machine->terms[term];
+lg_var lg_machine_record_drag(const lg_term_at *at, int power) {
+    const uint32_t n = at->machine->velocities;
     double factor[LG_MACHINE_VELOCITIES];
-    if (own->value_count == 0) return squares(tape, vars, term);
-    for (uint32_t i = 0; i < machine->velocities; i++)
-        factor[i] = 1.0 / lg_machine_drag_unit(machine, i, i, power);
-    return lg_machine_record_entries(tape, vars, term, machine->velocities, NULL, factor);
+    if (at->term->value_count == 0)
+        return lg_reshape(at->tape, lg_square(at->tape, at->theta), lg_shape2(1, n));
+    for (uint32_t i = 0; i < n; i++) factor[i] = 1.0 / lg_machine_drag_unit(at->machine, i, i, power);
+    return lg_machine_record_entries(at, n, NULL, factor);
 }

@@ -115,20 +115,17 @@ static uint32_t record_feature(lg_tape *tape, const lg_machine *machine, lg_mach
     return count;
 }
 
-lg_var lg_machine_record_features(lg_tape *tape, const lg_machine *machine, const lg_machine_term *term,
-                                  const lg_machine_seen *seen) {
+lg_var lg_machine_record_features(const lg_term_at *at) {
     lg_var all[2 * LG_MACHINE_FEATURES];
     uint32_t count = 0;
-    for (uint32_t i = 0; i < term->of_count; i++)
-        count += record_feature(tape, machine, term->of[i], seen, all + count);
-    return lg_joined(tape, all, count);
+    for (uint32_t i = 0; i < at->term->of_count; i++)
+        count += record_feature(at->tape, at->machine, at->term->of[i], at->seen, all + count);
+    return lg_joined(at->tape, all, count);
 }
 
-lg_var lg_machine_record_network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                                 const lg_machine_seen *seen) {
-    const lg_machine_term *own = &vars->machine->terms[term];
-    const lg_var x = lg_machine_record_features(tape, vars->machine, own, seen);
-    return lg_mlp_record_bound(tape, &own->net, &vars->net[term], x);
+lg_var lg_machine_record_network(const lg_term_at *at) {
+    const lg_var x = lg_machine_record_features(at);
+    return lg_mlp_record_bound(at->tape, &at->term->net, &at->vars->net[at->index], x);
 }
 
 /* ---- monomials ---- */

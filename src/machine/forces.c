@@ -15,10 +15,9 @@ static size_t one_each(const lg_machine *machine, const lg_machine_term *term) {
 
 /* The values of a term as a matrix (velocities, columns) in scaled units; with `line` they are its diagonal.
  * It multiplies numbers whose scales are `right`. A force in the log's units is the scaled one times E/L. */
-static lg_var known_matrix(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t columns,
-                           bool line, const double *right) {
-    const lg_machine_scales *s = &vars->machine->scales;
-    const uint32_t n = vars->machine->velocities;
+static lg_var known_matrix(const lg_term_at *at, uint32_t columns, bool line, const double *right) {
+    const lg_machine_scales *s = &at->machine->scales;
+    const uint32_t n = at->n;
     uint32_t index[LG_MACHINE_VALUES];
     double factor[LG_MACHINE_VALUES];
     for (uint32_t k = 0; k < n * columns; k++) {
@@ -26,30 +25,28 @@ static lg_var known_matrix(lg_tape *tape, const lg_machine_vars *vars, uint32_t 
         index[k] = !line ? k : i == j ? i : UINT32_MAX;
         factor[k] = s->velocity[i] / s->energy * right[j];
     }
-    return lg_reshape(tape, lg_machine_record_entries(tape, vars, term, n * columns, index, factor),
+    return lg_reshape(at->tape, lg_machine_record_entries(at, n * columns, index, factor),
                       lg_shape2(n, columns));
 }
 
 /* ---- damping ---- */
 
-static lg_var drag(lg_tape *tape, lg_var coefficient, lg_var v) {
-    return lg_neg(tape, lg_mul(tape, coefficient, v));
+/* -c x, with the coefficients c of a power of v. */
+static lg_var drag(const lg_term_at *at, int power, lg_var x) {
+    return lg_neg(at->tape, lg_mul(at->tape, lg_machine_record_drag(at, power), x));
 }
 
-static lg_var known_damping(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                            const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
-    const uint32_t n = machine->velocities;
-    const bool line = machine->terms[term].value_count == n;
+static lg_var known_damping(const lg_term_at *at) {
+    const lg_machine_scales *s = &at->machine->scales;
+    const uint32_t n = at->n;
     double speed[LG_MACHINE_VELOCITIES];
-    for (uint32_t j = 0; j < n; j++) speed[j] = machine->scales.velocity[j] / machine->scales.time;
-    const lg_var D = known_matrix(tape, vars, term, n, line, speed);
-    return lg_neg(tape, lg_matmul_nt(tape, seen->v, D));
+    for (uint32_t j = 0; j < n; j++) speed[j] = s->velocity[j] / s->time;
+    const lg_var D = known_matrix(at, n, at->term->value_count == n, speed);
+    return lg_neg(at->tape, lg_matmul_nt(at->tape, at->seen->v, D));
 }
 
-static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                       const lg_machine_seen *seen) {
-    return drag(tape, lg_machine_record_drag(tape, vars, term, 1), seen->v);
+static lg_var diagonal(const lg_term_at *at) {
+    return drag(at, 1, at->seen->v);
 }
 
 /* Number of parameters: the packed triangle L of D = L L^T. */
@@ -61,24 +58,23 @@ static void start_triangle(const lg_machine *machine, const lg_machine_term *ter
     for (uint32_t i = 0; i < machine->velocities; i++) theta[i] = START;
 }
 
-static lg_var constant(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                       const lg_machine_seen *seen) {
-    const uint32_t n = vars->machine->velocities;
-    const lg_var packed = lg_reshape(tape, vars->theta[term], lg_shape2(1, lg_triangle(n)));
+static lg_var constant(const lg_term_at *at) {
+    lg_tape *tape = at->tape;
+    const uint32_t n = at->n;
+    const lg_var packed = lg_reshape(tape, at->theta, lg_shape2(1, lg_triangle(n)));
     const lg_var L = lg_reshape(tape, lg_machine_record_triangle(tape, packed, n, false), lg_shape2(n, n));
-    return lg_neg(tape, lg_matmul_nt(tape, lg_matmul(tape, seen->v, L), L));
+    return lg_neg(tape, lg_matmul_nt(tape, lg_matmul(tape, at->seen->v, L), L));
 }
 
 static uint32_t triangle_outputs(const lg_machine *machine) {
     return lg_triangle(machine->velocities);
 }
 
-static lg_var damping_network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                              const lg_machine_seen *seen) {
-    const uint32_t n = vars->machine->velocities, rows = seen->rows;
-    const lg_var L =
-        lg_machine_record_triangle(tape, lg_machine_record_network(tape, vars, term, seen), n, false);
-    const lg_var v = lg_reshape(tape, seen->v, lg_shape3(rows, n, 1));
+static lg_var damping_network(const lg_term_at *at) {
+    lg_tape *tape = at->tape;
+    const uint32_t n = at->n, rows = at->seen->rows;
+    const lg_var L = lg_machine_record_triangle(tape, lg_machine_record_network(at), n, false);
+    const lg_var v = lg_reshape(tape, at->seen->v, lg_shape3(rows, n, 1));
     const lg_var f = lg_matmul(tape, L, lg_matmul_tn(tape, L, v));
     return lg_neg(tape, lg_reshape(tape, f, lg_shape2(rows, n)));
 }
@@ -114,22 +110,18 @@ DRAG_ENTRY(coulomb, 0)
 DRAG_ENTRY(quadratic, 2)
 DRAG_ENTRY(cubic, 3)
 
-static lg_var coulomb_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                            const lg_machine_seen *seen) {
-    return lg_machine_record_drag(tape, vars, term, 0);
+static lg_var coulomb_limit(const lg_term_at *at) {
+    return lg_machine_record_drag(at, 0);
 }
 
 /* The force -c |v| v. */
-static lg_var quadratic(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                        const lg_machine_seen *seen) {
-    const lg_var vv = lg_mul(tape, lg_abs(tape, seen->v), seen->v);
-    return drag(tape, lg_machine_record_drag(tape, vars, term, 2), vv);
+static lg_var quadratic(const lg_term_at *at) {
+    return drag(at, 2, lg_mul(at->tape, lg_abs(at->tape, at->seen->v), at->seen->v));
 }
 
 /* The force -c v^3. */
-static lg_var cubic(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
-    const lg_var vvv = lg_mul(tape, lg_square(tape, seen->v), seen->v);
-    return drag(tape, lg_machine_record_drag(tape, vars, term, 3), vvv);
+static lg_var cubic(const lg_term_at *at) {
+    return drag(at, 3, lg_mul(at->tape, lg_square(at->tape, at->seen->v), at->seen->v));
 }
 
 /* ---- direction of scale ---- */
@@ -150,11 +142,10 @@ static void scale_network(const lg_machine *machine, const lg_machine_term *term
 
 /* ---- input maps ---- */
 
-static lg_var known_map(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                        const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
-    return lg_matmul_nt(tape, seen->u,
-                        known_matrix(tape, vars, term, machine->input_count, false, machine->scales.input));
+static lg_var known_map(const lg_term_at *at) {
+    const lg_machine *machine = at->machine;
+    return lg_matmul_nt(at->tape, at->seen->u,
+                        known_matrix(at, machine->input_count, false, machine->scales.input));
 }
 
 /* Initially input j drives velocity j. */
@@ -175,20 +166,16 @@ static size_t map_parameters(const lg_machine *machine, const lg_machine_term *t
     return map_outputs(machine);
 }
 
-static lg_var constant_map(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                           const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
-    const lg_var B =
-        lg_reshape(tape, vars->theta[term], lg_shape2(machine->velocities, machine->input_count));
-    return lg_matmul_nt(tape, seen->u, B);
+static lg_var constant_map(const lg_term_at *at) {
+    const lg_shape shape = lg_shape2(at->n, at->machine->input_count);
+    return lg_matmul_nt(at->tape, at->seen->u, lg_reshape(at->tape, at->theta, shape));
 }
 
-static lg_var map_network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                          const lg_machine_seen *seen) {
-    const uint32_t n = vars->machine->velocities, m = vars->machine->input_count, rows = seen->rows;
-    const lg_var B =
-        lg_reshape(tape, lg_machine_record_network(tape, vars, term, seen), lg_shape3(rows, n, m));
-    const lg_var u = lg_reshape(tape, seen->u, lg_shape3(rows, m, 1));
+static lg_var map_network(const lg_term_at *at) {
+    lg_tape *tape = at->tape;
+    const uint32_t n = at->n, m = at->machine->input_count, rows = at->seen->rows;
+    const lg_var B = lg_reshape(tape, lg_machine_record_network(at), lg_shape3(rows, n, m));
+    const lg_var u = lg_reshape(tape, at->seen->u, lg_shape3(rows, m, 1));
     return lg_reshape(tape, lg_matmul(tape, B, u), lg_shape2(rows, n));
 }
 

@@ -48,59 +48,38 @@ static double speed_of(const lg_machine *machine, uint32_t k) {
     return machine->scales.velocity[k] / machine->scales.time;
 }
 
-/* What the functions below record with. */
-typedef struct rubbing {
-    lg_tape *tape;
-    const lg_machine_vars *vars;
-    const lg_machine *machine;
-    const lg_machine_term *term;
-    uint32_t index, n;
-    bool whole;
-} rubbing;
-
-static rubbing begin(lg_tape *tape, const lg_machine_vars *vars, uint32_t term) {
-    const lg_machine *machine = vars->machine;
-    return (rubbing){.tape = tape,
-                     .vars = vars,
-                     .machine = machine,
-                     .term = &machine->terms[term],
-                     .index = term,
-                     .n = machine->velocities,
-                     .whole = is_whole(machine, &machine->terms[term])};
-}
-
 /* Block `index` besides the coefficients: of theta, (1, n). */
-static lg_var block(const rubbing *r, uint32_t index) {
-    const lg_var all = r->vars->theta[r->index];
-    return lg_reshape(r->tape, lg_slice(r->tape, all, 0, (index + r->whole) * r->n, r->n),
-                      lg_shape2(1, r->n));
+static lg_var block(const lg_term_at *r, uint32_t index) {
+    const uint32_t first = (index + is_whole(r->machine, r->term)) * r->n;
+    return lg_reshape(r->tape, lg_slice(r->tape, r->theta, 0, first, r->n), lg_shape2(1, r->n));
 }
 
 /* Block `index` of the values, with the coefficients as block 0, divided by `unit`. */
-static lg_var known(const rubbing *r, uint32_t index, const double *unit) {
+static lg_var known(const lg_term_at *r, uint32_t index, const double *unit) {
     double scaled[LG_MACHINE_VELOCITIES];
     for (uint32_t k = 0; k < r->n; k++) scaled[k] = r->term->values[index * r->n + k] / unit[k];
     return lg_input_f64(r->tape, lg_shape2(1, r->n), scaled);
 }
 
-static lg_var row_of(const rubbing *r, const double *numbers) {
+static lg_var row_of(const lg_term_at *r, const double *numbers) {
     return lg_input_f64(r->tape, lg_shape2(1, r->n), numbers);
 }
 
-static void units(const rubbing *r, int power, double *out) {
+static void units(const lg_term_at *r, int power, double *out) {
     for (uint32_t k = 0; k < r->n; k++) out[k] = unit_of(r->machine, k, power);
 }
 
 /* The coefficients of the friction that the term changes, (1, n). */
-static lg_var coefficients(const rubbing *r, int power) {
+static lg_var coefficients(const lg_term_at *r, int power) {
     double unit[LG_MACHINE_VELOCITIES];
     const lg_machine_term *base = lg_machine_base(r->machine, r->term);
-    if (base != NULL)
-        return lg_machine_record_drag(r->tape, r->vars, (uint32_t)(base - r->machine->terms), power);
+    if (base != NULL) {
+        const lg_term_at of = lg_term_at_of(r->tape, r->vars, (uint32_t)(base - r->machine->terms), r->seen);
+        return lg_machine_record_drag(&of, power);
+    }
     units(r, power, unit);
     if (r->term->value_count > 0) return known(r, 0, unit);
-    return lg_exp(r->tape, lg_reshape(r->tape, lg_slice(r->tape, r->vars->theta[r->index], 0, 0, r->n),
-                                      lg_shape2(1, r->n)));
+    return lg_exp(r->tape, lg_reshape(r->tape, lg_slice(r->tape, r->theta, 0, 0, r->n), lg_shape2(1, r->n)));
 }
 
 /* What the blocks of a kind are, the coefficients first. Where blocks belong to features, the second one
@@ -111,7 +90,7 @@ struct lg_friction {
     const char *rules; /* of the values, a letter for each block; see fault_of */
     const char *fault; /* the sentence about values that break a rule */
     /* Block `index` in scaled units, (1, n); `unit` (n) becomes their units. */
-    lg_var (*at)(const rubbing *r, uint32_t index, double *unit);
+    lg_var (*at)(const lg_term_at *r, uint32_t index, double *unit);
 };
 
 static uint32_t block_row(const lg_machine_term *term, uint32_t block) {
@@ -123,9 +102,9 @@ static void put_numbers(lg_number_list *l, const lg_machine *machine, const lg_m
     const struct lg_friction *of = term->kind->friction;
     double x[LG_MACHINE_VELOCITIES], unit[LG_MACHINE_VELOCITIES] = {0.0};
     char name[48], by[64] = "";
-    const rubbing r = begin(l->tape, &l->vars, (uint32_t)(term - machine->terms));
+    const lg_term_at r = lg_term_at_of(l->tape, &l->vars, (uint32_t)(term - machine->terms), NULL);
     const uint32_t count = blocks_of(machine, term);
-    for (uint32_t b = r.whole ? 0 : 1; b <= count; b++) {
+    for (uint32_t b = is_whole(machine, term) ? 0 : 1; b <= count; b++) {
         const bool features = term->of_count > 0 && b > 0 && count > 1;
         lg_numbers_read(l, l->status == LG_OK ? of->at(&r, b, unit) : LG_NONE, r.n, x);
         if (features) lg_machine_feature_name(machine, term, b - 1, by, sizeof by);
@@ -139,35 +118,34 @@ static void put_numbers(lg_number_list *l, const lg_machine *machine, const lg_m
 
 /* ---- functions of the velocity ---- */
 
-static void widths(const rubbing *r, double *out) {
+static void widths(const lg_term_at *r, double *out) {
     for (uint32_t k = 0; k < r->n; k++)
         out[k] = lg_machine_width(r->machine, r->term, k) / speed_of(r->machine, k);
 }
 
 /* tanh(v/w). */
-static lg_var soft_sign(const rubbing *r, lg_var v) {
+static lg_var soft_sign(const lg_term_at *r, lg_var v) {
     double steep[LG_MACHINE_VELOCITIES];
     widths(r, steep);
     for (uint32_t k = 0; k < r->n; k++) steep[k] = 1.0 / steep[k];
     return lg_act(r->tape, lg_mul(r->tape, v, row_of(r, steep)), LG_TANH);
 }
 
-static bool jumps(const rubbing *r) {
+static bool jumps(const lg_term_at *r) {
     return !r->vars->soft && lg_machine_term_sticks(r->machine, r->term);
 }
 
 /* S: without a width the sign of v, 0 at v = 0. */
-static lg_var sign_of(const rubbing *r, const lg_machine_seen *seen) {
-    if (!jumps(r)) return soft_sign(r, seen->v);
-    if (!lg_is_none(seen->sign)) return seen->sign;
+static lg_var sign_of(const lg_term_at *r) {
+    const lg_var v = r->seen->v;
+    if (!jumps(r)) return soft_sign(r, v);
+    if (!lg_is_none(r->seen->sign)) return r->seen->sign;
     const lg_var zero = lg_full(r->tape, lg_shape2(1, 1), 0.0);
-    return lg_sub(r->tape, lg_ge(r->tape, seen->v, zero), lg_ge(r->tape, zero, seen->v));
+    return lg_sub(r->tape, lg_ge(r->tape, v, zero), lg_ge(r->tape, zero, v));
 }
 
-lg_var lg_machine_record_rubbing(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                                 const lg_machine_seen *seen) {
-    const rubbing r = begin(tape, vars, term);
-    return lg_neg(tape, lg_mul(tape, r.term->kind->limit(tape, vars, term, seen), sign_of(&r, seen)));
+lg_var lg_machine_record_rubbing(const lg_term_at *r) {
+    return lg_neg(r->tape, lg_mul(r->tape, r->term->kind->limit(r), sign_of(r)));
 }
 
 /* ---- friction without a width ---- */
@@ -196,23 +174,24 @@ uint32_t lg_machine_find_sticking(const lg_machine *machine) {
 }
 
 /* 1/(1 + e^-x). */
-static lg_var share_of(const rubbing *r, lg_var x) {
+static lg_var share_of(const lg_term_at *r, lg_var x) {
     return lg_act(r->tape, x, LG_SIGMOID);
 }
 
 /* ---- asymmetric: -(b v + d (sqrt(v^2 + w^2) - w)), d = b tanh y; without a width -(b + d S) v ---- */
 
 /* |v|, rounded if there is a width. */
-static lg_var speed_size(const rubbing *r, const lg_machine_seen *seen) {
+static lg_var speed_size(const lg_term_at *r) {
+    const lg_var v = r->seen->v;
     double w[LG_MACHINE_VELOCITIES], square[LG_MACHINE_VELOCITIES];
-    if (jumps(r)) return lg_mul(r->tape, seen->v, sign_of(r, seen));
+    if (jumps(r)) return lg_mul(r->tape, v, sign_of(r));
     widths(r, w);
     for (uint32_t k = 0; k < r->n; k++) square[k] = w[k] * w[k];
-    const lg_var size = lg_sqrt(r->tape, lg_add(r->tape, lg_square(r->tape, seen->v), row_of(r, square)));
+    const lg_var size = lg_sqrt(r->tape, lg_add(r->tape, lg_square(r->tape, v), row_of(r, square)));
     return lg_sub(r->tape, size, row_of(r, w));
 }
 
-static lg_var difference(const rubbing *r, lg_var b) {
+static lg_var difference(const lg_term_at *r, lg_var b) {
     double unit[LG_MACHINE_VELOCITIES];
     units(r, 1, unit);
     return r->term->value_count > 0 ? known(r, 1, unit)
@@ -220,19 +199,17 @@ static lg_var difference(const rubbing *r, lg_var b) {
 }
 
 /* b, d */
-static lg_var asymmetric_at(const rubbing *r, uint32_t index, double *unit) {
+static lg_var asymmetric_at(const lg_term_at *r, uint32_t index, double *unit) {
     const lg_var b = coefficients(r, 1);
     units(r, 1, unit);
     return index == 0 ? b : difference(r, b);
 }
 
-static lg_var asymmetric(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                         const lg_machine_seen *seen) {
-    const rubbing r = begin(tape, vars, term);
-    const lg_var b = coefficients(&r, 1);
-    lg_var f = lg_mul(tape, difference(&r, b), speed_size(&r, seen));
-    if (r.whole) f = lg_add(tape, f, lg_mul(tape, b, seen->v));
-    return lg_neg(tape, f);
+static lg_var asymmetric(const lg_term_at *r) {
+    const lg_var b = coefficients(r, 1);
+    lg_var f = lg_mul(r->tape, difference(r, b), speed_size(r));
+    if (is_whole(r->machine, r->term)) f = lg_add(r->tape, f, lg_mul(r->tape, b, r->seen->v));
+    return lg_neg(r->tape, f);
 }
 
 /* ---- stribeck: -(c + (cs - c) e^(-(v/vs)^2)) S, cs = c (1 + 2/(1 + e^-y)) ---- */
@@ -245,7 +222,7 @@ static void speed_range(const lg_machine *machine, const lg_machine_term *term, 
     *high = fmax(most * machine->scales.fastest[k], 2.0 * *low);
 }
 
-static lg_var stribeck_speed(const rubbing *r) {
+static lg_var stribeck_speed(const lg_term_at *r) {
     double start[LG_MACHINE_VELOCITIES], range[LG_MACHINE_VELOCITIES], unit[LG_MACHINE_VELOCITIES];
     for (uint32_t k = 0; k < r->n; k++) {
         double low, high;
@@ -260,7 +237,7 @@ static lg_var stribeck_speed(const rubbing *r) {
 }
 
 /* cs - c. */
-static lg_var breakaway(const rubbing *r, lg_var c) {
+static lg_var breakaway(const lg_term_at *r, lg_var c) {
     double unit[LG_MACHINE_VELOCITIES];
     units(r, 0, unit);
     return r->term->value_count > 0 ? lg_sub(r->tape, known(r, 1, unit), c)
@@ -272,12 +249,10 @@ static lg_var fading(lg_tape *tape, lg_var v, lg_var vs) {
     return lg_exp(tape, lg_neg(tape, lg_square(tape, lg_div(tape, v, vs))));
 }
 
-static lg_var stribeck_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                             const lg_machine_seen *seen) {
-    const rubbing r = begin(tape, vars, term);
-    const lg_var c = coefficients(&r, 0);
-    const lg_var size = lg_mul(tape, breakaway(&r, c), fading(tape, seen->v, stribeck_speed(&r)));
-    return r.whole ? lg_add(tape, size, c) : size;
+static lg_var stribeck_limit(const lg_term_at *r) {
+    const lg_var c = coefficients(r, 0);
+    const lg_var size = lg_mul(r->tape, breakaway(r, c), fading(r->tape, r->seen->v, stribeck_speed(r)));
+    return is_whole(r->machine, r->term) ? lg_add(r->tape, size, c) : size;
 }
 
 /* ---- lugre: -(s0 z + s1 z'), z' = v - s0 |v| z/g, g as for stribeck, s0 = c/d ---- */
@@ -286,7 +261,7 @@ static lg_var stribeck_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_
  * speed goes in the unit of time. */
 static const double deflections = 11.512925464970229;
 
-static lg_var stiffness(const rubbing *r) {
+static lg_var stiffness(const lg_term_at *r) {
     double number[LG_MACHINE_VELOCITIES];
     for (uint32_t k = 0; k < r->n; k++)
         number[k] = r->term->value_count > 0 ? unit_of(r->machine, k, 0) / r->machine->scales.velocity[k]
@@ -304,16 +279,16 @@ bool lg_machine_find_bristles(lg_machine *machine) {
     return count <= 1;
 }
 
-static rubbing rubbing_bristles(lg_tape *tape, const lg_machine_vars *vars) {
+static lg_term_at bristles_of(lg_tape *tape, const lg_machine_vars *vars) {
     uint32_t term = 0;
     while (!vars->machine->terms[term].kind->bristles) term++;
-    return begin(tape, vars, term);
+    return lg_term_at_of(tape, vars, term, NULL);
 }
 
 enum { SLIDING, MORE, SPEED, SPRING, DAMPER };
 
 void lg_machine_bind_bristles(lg_tape *tape, lg_machine_vars *vars) {
-    const rubbing r = rubbing_bristles(tape, vars);
+    const lg_term_at r = bristles_of(tape, vars);
     double unit[LG_MACHINE_VELOCITIES];
     units(&r, 1, unit);
     lg_var *b = vars->bristles;
@@ -341,7 +316,7 @@ lg_var lg_machine_bristle_rate(lg_tape *tape, const lg_machine_vars *vars, lg_va
 }
 
 lg_var lg_machine_bristle_steady(lg_tape *tape, const lg_machine_vars *vars, lg_var v) {
-    const rubbing r = rubbing_bristles(tape, vars);
+    const lg_term_at r = bristles_of(tape, vars);
     const lg_var most = lg_div(tape, sliding(tape, vars, v), vars->bristles[SPRING]);
     return lg_mul(tape, soft_sign(&r, v), most);
 }
@@ -357,15 +332,15 @@ lg_var lg_machine_bristle_after(lg_tape *tape, const lg_machine_vars *vars, lg_v
     return lg_div(tape, lg_add(tape, kept, bent), below);
 }
 
-static lg_var lugre(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
-    const lg_var z = seen->parts[lg_machine_parts(vars->machine).z],
-                 rate = lg_machine_bristle_rate(tape, vars, seen->v, z);
-    return lg_neg(tape, lg_add(tape, lg_mul(tape, z, vars->bristles[SPRING]),
-                               lg_mul(tape, rate, vars->bristles[DAMPER])));
+static lg_var lugre(const lg_term_at *r) {
+    lg_tape *tape = r->tape;
+    const lg_var *b = r->vars->bristles, z = r->seen->parts[lg_machine_parts(r->machine).z],
+                 rate = lg_machine_bristle_rate(tape, r->vars, r->seen->v, z);
+    return lg_neg(tape, lg_add(tape, lg_mul(tape, z, b[SPRING]), lg_mul(tape, rate, b[DAMPER])));
 }
 
 /* c, cs, vs, and of LuGre friction s0, s1 */
-static lg_var stribeck_at(const rubbing *r, uint32_t index, double *unit) {
+static lg_var stribeck_at(const lg_term_at *r, uint32_t index, double *unit) {
     const lg_var c = coefficients(r, 0);
     units(r, index == DAMPER ? 1 : 0, unit);
     for (uint32_t k = 0; k < r->n; k++)
@@ -406,23 +381,20 @@ static lg_var positive_part(lg_tape *tape, lg_var x) {
 
 /* The loads of the term, (B, F), in scaled units: inputs, or the force of the potential on each velocity.
  * LG_NONE: there is none. */
-static lg_var loads_of(const rubbing *r, const lg_machine_seen *seen) {
-    lg_var loads;
-    if (r->term->of_count == 0)
-        loads = lg_machine_record_pull(r->tape, r->vars, seen->parts);
-    else
-        loads =
-            lg_is_none(seen->u) ? LG_NONE : lg_machine_record_features(r->tape, r->machine, r->term, seen);
+static lg_var loads_of(const lg_term_at *r) {
+    const lg_var loads = r->term->of_count == 0   ? lg_machine_record_pull(r->tape, r->vars, r->seen->parts)
+                         : lg_is_none(r->seen->u) ? LG_NONE
+                                                  : lg_machine_record_features(r);
     return lg_is_none(loads) ? loads : lg_abs(r->tape, loads);
 }
 
 /* Scaled units of the loads or positions, and of the potential's force on velocity k. */
-static double feature_unit(const rubbing *r, const double *scales, uint32_t feature, uint32_t k) {
+static double feature_unit(const lg_term_at *r, const double *scales, uint32_t feature, uint32_t k) {
     return r->term->of_count > 0 ? scales[feature] : unit_of(r->machine, k, 0);
 }
 
 /* c, then k of each feature. */
-static lg_var factor_at(const rubbing *r, uint32_t index, double *unit) {
+static lg_var factor_at(const lg_term_at *r, uint32_t index, double *unit) {
     double scales[LG_MACHINE_FEATURE_NUMBERS];
     units(r, 0, unit);
     if (index == 0) return coefficients(r, 0);
@@ -431,13 +403,13 @@ static lg_var factor_at(const rubbing *r, uint32_t index, double *unit) {
     return r->term->value_count > 0 ? known(r, index, unit) : block(r, index - 1);
 }
 
-static lg_var load_at(const rubbing *r, uint32_t index, double *unit) {
+static lg_var load_at(const lg_term_at *r, uint32_t index, double *unit) {
     const lg_var x = factor_at(r, index, unit);
     return index == 0 || r->term->value_count > 0 ? x : lg_exp(r->tape, x);
 }
 
 /* sum_f k_f x_f, (B, n), of the features x (B, F); for the potential's force k_k x_k. */
-static lg_var weighted(const rubbing *r, lg_var x) {
+static lg_var weighted(const lg_term_at *r, lg_var x) {
     double unit[LG_MACHINE_VELOCITIES];
     const uint32_t count = blocks_of(r->machine, r->term);
     lg_var sum = LG_NONE;
@@ -450,24 +422,18 @@ static lg_var weighted(const rubbing *r, lg_var x) {
 }
 
 /* c g of a whole term, else c (g - 1). */
-static lg_var scaled_limit(const rubbing *r, lg_var g) {
-    const lg_var size = r->whole ? g : lg_add_scalar(r->tape, g, -1.0);
+static lg_var scaled_limit(const lg_term_at *r, lg_var g) {
+    const lg_var size = is_whole(r->machine, r->term) ? g : lg_add_scalar(r->tape, g, -1.0);
     return lg_mul(r->tape, coefficients(r, 0), size);
 }
 
-static lg_var load_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                         const lg_machine_seen *seen) {
-    const rubbing r = begin(tape, vars, term);
-    const lg_var loads = loads_of(&r, seen);
-    const lg_var none = lg_full(tape, lg_shape2(1, r.n), 1.0);
-    return scaled_limit(&r, lg_is_none(loads) ? none : lg_add_scalar(tape, weighted(&r, loads), 1.0));
+static lg_var load_limit(const lg_term_at *r) {
+    const lg_var loads = loads_of(r), none = lg_full(r->tape, lg_shape2(1, r->n), 1.0);
+    return scaled_limit(r, lg_is_none(loads) ? none : lg_add_scalar(r->tape, weighted(r, loads), 1.0));
 }
 
-static lg_var position_limit(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                             const lg_machine_seen *seen) {
-    const rubbing r = begin(tape, vars, term);
-    const lg_var x = lg_machine_record_features(tape, r.machine, r.term, seen);
-    return scaled_limit(&r, positive_part(tape, weighted(&r, x)));
+static lg_var position_limit(const lg_term_at *r) {
+    return scaled_limit(r, positive_part(r->tape, weighted(r, lg_machine_record_features(r))));
 }
 
 /* ---- starts, and the direction of scale ---- */

@@ -290,25 +290,25 @@ static lg_at at_of(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_
 }
 
 /* M in the order of lg_machine_mass_velocities, converted from the log's units to scaled units. */
-static lg_var mass(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
+static lg_var mass(const lg_term_at *of) {
+    lg_tape *tape = of->tape;
+    const lg_machine *machine = of->machine;
     uint32_t list[LG_MACHINE_VELOCITIES];
     double unit[LG_MACHINE_VALUES];
     lg_var state[3];
-    const lg_at at = at_of(tape, vars, seen, state);
+    const lg_at at = at_of(tape, of->vars, of->seen, state);
     const lg_var M = machine->grey.system->mass(tape, &at);
-    const uint32_t n = lg_machine_mass_velocities(machine, seen->directions, list);
+    const uint32_t n = lg_machine_mass_velocities(machine, of->seen->directions, list);
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = 0; j < n; j++) unit[i * n + j] = lg_machine_unit_mass(machine, list[i], list[j]);
     return lg_mul(tape, M, lg_input_f64(tape, lg_shape3(1, n, n), unit));
 }
 
-static lg_var potential(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                        const lg_machine_seen *seen) {
+static lg_var potential(const lg_term_at *of) {
     lg_var state[3];
-    const lg_at at = at_of(tape, vars, seen, state);
-    return lg_scale(tape, vars->machine->grey.system->potential(tape, &at),
-                    1.0 / vars->machine->scales.energy);
+    const lg_at at = at_of(of->tape, of->vars, of->seen, state);
+    return lg_scale(of->tape, of->machine->grey.system->potential(of->tape, &at),
+                    1.0 / of->machine->scales.energy);
 }
 
 static bool moves(const lg_machine *machine) {
@@ -381,8 +381,9 @@ static lg_var initial_mass(lg_tape *tape, const lg_machine *machine) {
     const lg_machine_vars vars = {.machine = machine, .grey = lg_grey_record(tape, machine, theta)};
     lg_var parts[LG_TAPED_MAX_PARTS];
     for (int i = 0; i < LG_TAPED_MAX_PARTS; i++) parts[i] = zeros;
-    return mass(tape, &vars, 0,
-                &(lg_machine_seen){.parts = parts, .rows = 1, .directions = machine->momenta == 0});
+    const lg_machine_seen seen = {.parts = parts, .rows = 1, .directions = machine->momenta == 0};
+    const lg_term_at at = lg_term_at_of(tape, &vars, 0, &seen);
+    return mass(&at);
 }
 
 lg_status lg_grey_energy(const lg_machine *machine, double *out) {

@@ -9,7 +9,7 @@
 #include "autodiff/tape/tape_internal.h"
 #include "kernels/lapack.h"
 #include "kernels/matrix.h"
-#include "machine/internal.h"
+#include "machine/chain.h"
 
 enum { CHUNK = 64, BLOCK = 32, SMALL = 64, MOST_OF_SMALL = 8192, RUN = 32, FEW = 64 };
 
@@ -65,18 +65,13 @@ static double dot(const double *a, const double *b, size_t n) {
 static void count_residuals(normal *s) {
     static const double nothing = 1e-8;
     const lg_machine *machine = s->problem->machine;
-    const size_t d = lg_machine_start_numbers(machine);
+    const lg_row_axes all = lg_row_axes_of(machine);
     const double least = nothing * dot(s->residuals, s->residuals, s->rows) / (double)s->rows;
-    double worth[2 * LG_MACHINE_VELOCITIES];
-    for (size_t i = 0; i < d; i++) worth[i] = 1.0;
-    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
-        for (uint32_t k = 0; k < 3 * at.directions; k++)
-            worth[machine->places + 3 * at.direction + k] = worth[d - machine->velocities + at.velocity + k] =
-                2.0 / 3.0;
     for (size_t row = 0; row < s->rows; row++) {
         const size_t i = row % s->fit.rows;
+        const lg_coordinate_kind kind = machine->coordinates[all.each[i % all.seen].coordinate].kind;
         if (i < s->fit.rows - s->priors && s->residuals[row] * s->residuals[row] > least)
-            s->weighted += worth[i % d];
+            s->weighted += kind == LG_COORDINATE_DIRECTION ? 2.0 / 3.0 : 1.0;
     }
 }
 
@@ -245,29 +240,36 @@ static lg_status invert(const normal *s, bool prior, double *work, int *order, d
     return info == 0 ? LG_OK : LG_OUT_OF_MEMORY;
 }
 
+/* The numbers, at the parameters theta with parameter j moved up and down by a step. */
+static void probe(const normal *s, double *theta, size_t j, double step, size_t count, lg_identified *up,
+                  lg_identified *down) {
+    const double before = theta[j];
+    theta[j] = before + step;
+    (void)lg_machine_numbers_at(s->problem->machine, theta, s->at, count, up, s->missing);
+    theta[j] = before - step;
+    (void)lg_machine_numbers_at(s->problem->machine, theta, s->at, count, down, s->missing);
+    theta[j] = before;
+}
+
 /* A number that is the square of a parameter has derivative 0, and thus no error, where the parameter is 0.
  * Such a parameter is moved by 1e-2. theta (n) is changed; `up` and `down` (count) are work space. False:
  * nothing was moved. */
 static bool leave_bounds(const normal *s, double *theta, size_t count, const lg_identified *numbers,
                          lg_identified *up, lg_identified *down) {
     static const double away = 1e-2;
-    const lg_machine *machine = s->problem->machine;
     bool any = false;
-    for (size_t j = machine->weights; j < s->n; j++) {
-        const double before = theta[j];
+    for (size_t j = s->problem->machine->weights; j < s->n; j++) {
         bool square = false, plain = false;
-        theta[j] = before + away;
-        (void)lg_machine_numbers_at(machine, theta, s->at, count, up, s->missing);
-        theta[j] = before - away;
-        (void)lg_machine_numbers_at(machine, theta, s->at, count, down, s->missing);
+        probe(s, theta, j, away, count, up, down);
         for (size_t i = 0; i < count; i++) {
             const double odd = fabs(up[i].value - down[i].value),
                          even = fabs(up[i].value - 2.0 * numbers[i].value + down[i].value);
             square = square || even > odd;
             plain = plain || odd > even;
         }
-        theta[j] = square && !plain ? copysign(away, before) : before;
-        any = any || theta[j] != before;
+        if (!square || plain) continue;
+        any = any || theta[j] != copysign(away, theta[j]);
+        theta[j] = copysign(away, theta[j]);
     }
     return any;
 }
@@ -276,17 +278,10 @@ static bool leave_bounds(const normal *s, double *theta, size_t count, const lg_
 static void differentiate(const normal *s, double *theta, size_t count, lg_identified *moved,
                           double *gradient) {
     static const double step = 1e-5;
-    const lg_machine *machine = s->problem->machine;
     for (size_t j = 0; j < s->n; j++) {
-        const double before = theta[j];
-        theta[j] = before + step;
-        (void)lg_machine_numbers_at(machine, theta, s->at, count, moved, s->missing);
-        for (size_t i = 0; i < count; i++) gradient[i * s->n + j] = moved[i].value;
-        theta[j] = before - step;
-        (void)lg_machine_numbers_at(machine, theta, s->at, count, moved, s->missing);
+        probe(s, theta, j, step, count, moved, moved + count);
         for (size_t i = 0; i < count; i++)
-            gradient[i * s->n + j] = (gradient[i * s->n + j] - moved[i].value) / (2.0 * step);
-        theta[j] = before;
+            gradient[i * s->n + j] = (moved[i].value - moved[count + i].value) / (2.0 * step);
     }
 }
 

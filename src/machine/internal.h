@@ -55,6 +55,24 @@ typedef struct lg_machine_seen {
     bool directions; /* record the masses of the directions */
 } lg_machine_seen;
 
+/* A term that is recorded: its index, the number of the machine's velocities, the term's parameters (LG_NONE:
+ * none), and what it may depend on. */
+typedef struct lg_term_at {
+    lg_tape *tape;
+    const lg_machine_vars *vars;
+    const lg_machine *machine;
+    const lg_machine_term *term;
+    uint32_t index, n;
+    lg_var theta;
+    const lg_machine_seen *seen;
+} lg_term_at;
+static inline lg_term_at lg_term_at_of(lg_tape *tape, const lg_machine_vars *vars, uint32_t index,
+                                       const lg_machine_seen *seen) {
+    const lg_machine *machine = vars->machine;
+    const uint32_t n = machine->velocities;
+    return (lg_term_at){tape, vars, machine, &machine->terms[index], index, n, vars->theta[index], seen};
+}
+
 /* An entry of a term's values: its name, its unit (1 in scaled units), its start in scaled units, whether it
  * must be positive, and whether a machine file may leave this entry alone unknown. */
 typedef struct lg_entry_about {
@@ -114,7 +132,7 @@ struct lg_term_kind {
     /* Writes the initial parameters. NULL: they are the starts of `each`, zeros, or a network's initial
      * weights. */
     void (*initialise)(const lg_machine *machine, const lg_machine_term *term, double *theta);
-    lg_var (*record)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen);
+    lg_var (*record)(const lg_term_at *at);
     /* Whether parameter i, or its square, is in scaled units the number that `entry` describes. */
     enum { LG_PARAMETER_OTHER, LG_PARAMETER_ITSELF, LG_PARAMETER_SQUARED } each;
     /* Appends the term's parameters in the units of logs; theta is the term's slice. NULL: they are those of
@@ -123,7 +141,7 @@ struct lg_term_kind {
     /* The two allowed numbers of values (equal if there is only one). NULL: as many as `parameters`. */
     void (*values)(const lg_machine *machine, const lg_machine_term *term, size_t fits[2]);
     /* log(tau/T) of the lags, (1, of_count). NULL: the term has none. */
-    lg_var (*lag)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term);
+    lg_var (*lag)(const lg_term_at *at);
     uint32_t order; /* of the lags */
     bool heights;   /* positions in `of` become heights */
     /* Whether M depends on the state; NULL: it does not. */
@@ -138,7 +156,7 @@ struct lg_term_kind {
     const struct lg_friction *friction;
     /* Friction with the force -c S, S the sign of the velocity or tanh(v/w): c (B or 1, velocities). Of a
      * term that changes its base, what it adds to the c of the base. NULL: the force has another form. */
-    lg_var (*limit)(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen);
+    lg_var (*limit)(const lg_term_at *at);
     bool bristles; /* the term has the state z */
     /* The reason why the term's values are wrong, or NULL. NULL: all values are right. */
     const char *(*fault)(const lg_machine *machine, const lg_machine_term *term);
@@ -178,8 +196,7 @@ uint32_t lg_machine_find_sticking(const lg_machine *machine);
 /* Whether a term of the machine is friction without a width. */
 bool lg_machine_term_sticks(const lg_machine *machine, const lg_machine_term *term);
 /* lg_term_kind.record of friction that has a `limit`. */
-lg_var lg_machine_record_rubbing(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                                 const lg_machine_seen *seen);
+lg_var lg_machine_record_rubbing(const lg_term_at *at);
 /* Of a machine of lines and angles: M (B, n, n), or LG_NONE where vars->mass has it; the forces F of M v' = F
  * (B, n), with what friction without a width does at the signs seen->sign; the limit c (B or 1, n) of this
  * friction. The positions in seen->parts must be variables that nothing else on the tape depends on. */
@@ -212,8 +229,8 @@ double lg_number_at(const lg_number_map *map, double t, double *slope); /* slope
 lg_var lg_machine_record_maps(lg_tape *tape, const lg_number_map *maps, uint32_t count, lg_var t);
 /* (1, count): number i is factor[i] times value index[i] of the term; 0 if index[i] is UINT32_MAX. `index`
  * NULL: value i. */
-lg_var lg_machine_record_entries(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t count,
-                                 const uint32_t *index, const double *factor);
+lg_var lg_machine_record_entries(const lg_term_at *at, uint32_t count, const uint32_t *index,
+                                 const double *factor);
 lg_term_numbers lg_numbers_entries;
 /* Whether one of the entries stands for this value of the term. */
 bool lg_machine_is_entry_of(const lg_machine_term *term, uint32_t index);
@@ -242,7 +259,7 @@ double lg_machine_prior_weight(const lg_machine_problem *problem, size_t batch);
 
 /* Damping coefficients (1, velocities) of a term of kind diagonal, coulomb, quadratic or cubic, in scaled
  * units: a force divided by a speed to the given power. */
-lg_var lg_machine_record_drag(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, int power);
+lg_var lg_machine_record_drag(const lg_term_at *at, int power);
 /* Unit of a force on velocity i, divided by the unit of velocity j to the given power. */
 double lg_machine_drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, int power);
 
@@ -275,14 +292,11 @@ lg_status lg_machine_record_rest(lg_tape *tape, const lg_machine_vars *vars, con
 uint32_t lg_machine_feature_count(const lg_machine *machine, lg_machine_feature feature);
 uint32_t lg_machine_feature_scales(const lg_machine *machine, const lg_machine_term *term, double *scales);
 /* The features of a term, (B, numbers), in scaled units. */
-lg_var lg_machine_record_features(lg_tape *tape, const lg_machine *machine, const lg_machine_term *term,
-                                  const lg_machine_seen *seen);
+lg_var lg_machine_record_features(const lg_term_at *at);
 /* lg_term_kind.record of networks and of polynomials of the term's features; the number of parameters of a
  * polynomial (SIZE_MAX: too many monomials). */
-lg_var lg_machine_record_network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                                 const lg_machine_seen *seen);
-lg_var lg_machine_record_polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                                    const lg_machine_seen *seen);
+lg_var lg_machine_record_network(const lg_term_at *at);
+lg_var lg_machine_record_polynomial(const lg_term_at *at);
 size_t lg_machine_polynomial_parameters(const lg_machine *machine, const lg_machine_term *term);
 
 /* Whether M depends on the state. */
@@ -331,6 +345,11 @@ lg_var lg_machine_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t coun
 static inline lg_var lg_machine_parameter(lg_tape *tape, const lg_machine *machine, const double *theta) {
     return machine->parameters > 0 ? lg_parameter(tape, lg_shape1((uint32_t)machine->parameters), theta)
                                    : LG_NONE;
+}
+/* The same of a problem: its known parameters, or the first ones of the fit, `theta`. */
+static inline lg_var lg_machine_problem_parameter(lg_tape *tape, const lg_machine_problem *problem,
+                                                  const double *theta) {
+    return lg_machine_parameter(tape, problem->machine, problem->theta != NULL ? problem->theta : theta);
 }
 /* Writes to `out` the velocities on which a term of constant forces acts; returns their number. */
 LG_API uint32_t lg_machine_offset_velocities(const lg_machine *machine, const lg_machine_term *term,
@@ -412,10 +431,10 @@ typedef struct lg_machine_flow {
  * start and end, or LG_NONE. After an error `parts` are of no use. */
 lg_status lg_machine_variational_step(lg_tape *tape, const lg_machine_flow *flow, const lg_taped_span *over,
                                       const lg_var u[2], lg_var *parts);
-/* Binds theta to `vars`, and makes the flow that has these parameters. */
-lg_status lg_machine_begin_flow(lg_tape *tape, const lg_machine *machine, const lg_scheme *scheme,
-                                uint32_t substeps, lg_var theta, lg_machine_vars *vars,
-                                lg_machine_flow *flow);
+/* Binds theta to `vars`, and makes the flow of the problem's machine, scheme and substeps that has these
+ * parameters. */
+lg_status lg_machine_begin_flow(lg_tape *tape, const lg_machine_problem *problem, lg_var theta,
+                                lg_machine_vars *vars, lg_machine_flow *flow);
 /* The state from z (B, numbers), positions and velocities in the order of logs and in scaled units; other
  * numbers may follow. lg_machine_join_row is z of a state, behind which the bristles follow. */
 lg_status lg_machine_split_row(lg_tape *tape, const lg_machine_vars *vars, lg_var z, lg_var *parts);

@@ -25,7 +25,7 @@ static void release(void *kept) {
     interval_plan *p = kept;
     if (p == NULL) return;
     lg_plan_destroy(p->plan);
-    LG_FREE_ALL(p->context, p->work, p->z, p);
+    LG_FREE_ALL(p->context, p->work, p->z, p->next, p->slopes, p->u, p->h, p);
 }
 
 /* ---- recording ---- */
@@ -53,7 +53,9 @@ static lg_status record(void *user, lg_tape *tape, const lg_var *parameters, con
     lg_machine_vars vars;
     lg_machine_flow flow;
     lg_var u[4] = {LG_NONE, LG_NONE, LG_NONE, LG_NONE}, parts[LG_TAPED_MAX_PARTS], columns[COLUMNS];
-    LG_TRY(lg_machine_begin_flow(tape, machine, lg_scheme_find("cf4"), p->substeps, theta, &vars, &flow));
+    const lg_machine_problem problem = {
+        .machine = machine, .scheme = lg_scheme_find("cf4"), .substeps = p->substeps};
+    LG_TRY(lg_machine_begin_flow(tape, &problem, theta, &vars, &flow));
     LG_TRY(lg_machine_split_row(tape, &vars, in[0], parts));
     for (uint32_t k = 0; k < p->powers && m > 0; k++) u[k] = lg_machine_columns(tape, in[2], k * m, m);
     LG_TRY(lg_machine_record_interval_of(tape, &flow, u, in[1], parts));
@@ -87,14 +89,10 @@ static lg_status make(interval_plan *p) {
     lg_status status = lg_plan_create(program, 0, &options, &p->plan, NULL);
     lg_program_destroy(program);
     if (status != LG_OK) return status;
-    p->work = lg_alloc(p->context, lg_plan_work_size(p->plan), 1);
-    p->z = lg_alloc(p->context, (size_t)ROWS * (p->numbers * (2 + p->columns) + width + 1), sizeof(double));
-    if (p->work == NULL || p->z == NULL) return LG_OUT_OF_MEMORY;
-    p->next = p->z + (size_t)ROWS * p->numbers;
-    p->slopes = p->next + (size_t)ROWS * p->numbers;
-    p->u = p->slopes + (size_t)ROWS * p->numbers * p->columns;
-    p->h = p->u + (size_t)ROWS * width;
-    return LG_OK;
+    const size_t numbers = (size_t)ROWS * p->numbers;
+    return LG_ALLOC_ALL(p->context, {&p->work, 1, lg_plan_work_size(p->plan)}, LG_ARRAY(p->z, numbers),
+                        LG_ARRAY(p->next, numbers), LG_ARRAY(p->slopes, numbers * p->columns),
+                        LG_ARRAY(p->u, (size_t)ROWS * width), LG_ARRAY(p->h, ROWS));
 }
 
 /* ---- the plan that the tape keeps ---- */

@@ -39,26 +39,22 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
     const lg_machine *machine = problem->machine;
     const lg_row_axes all = lg_row_axes_of(machine);
     const double *q = problem->log.q + row * machine->positions;
-    double share[LG_CHAIN_NUMBERS], along[LG_MACHINE_VELOCITIES];
-    lg_machine_weigh_row(problem, row, factor, share, share + machine->positions);
+    double weight[LG_CHAIN_NUMBERS], along[LG_MACHINE_VELOCITIES];
+    lg_machine_weigh_row(problem, row, factor, weight, weight + machine->positions);
     lg_machine_along_row(problem, row, along);
-    for (uint32_t i = 0; i < machine->positions + machine->velocities; i++) share[i] = share[i] != 0.0;
-    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
-        const double position = factor / problem->position_scale[at.index],
-                     velocity = factor / problem->velocity_scale[at.index], turn = noise->turn[at.index],
-                     rate = noise->rate[at.index];
-        double *of_q = share + at.position, *of_v = share + machine->positions + at.velocity;
-        for (uint32_t k = 0; k < at.positions; k++)
-            of_q[k] *= pow(position * (k < at.places || turn == 0.0 ? noise->position[at.index] : turn), 2.0);
-        for (uint32_t k = 0; k < at.velocities; k++)
-            of_v[k] *= pow(velocity * (k < at.places || rate == 0.0 ? noise->velocity[at.index] : rate), 2.0);
-    }
     for (uint32_t i = 0; i < all.seen; i++) {
         const lg_row_axis *a = &all.each[i];
-        const double by = a->kind == LG_TURN_DIRECTION     ? q[a->first + a->turn]
-                          : a->first >= machine->positions ? along[a->first - machine->positions]
-                                                           : 0.0;
-        out[i] = isnan(share[a->first]) ? 0.0 : share[a->first];
+        const bool moves = a->first >= machine->positions;
+        const double turn = (moves ? noise->rate : noise->turn)[a->coordinate],
+                     sigma = a->turns && turn != 0.0
+                                 ? turn
+                                 : (moves ? noise->velocity : noise->position)[a->coordinate],
+                     scale = (moves ? problem->velocity_scale : problem->position_scale)[a->coordinate],
+                     variance = weight[a->first] != 0.0 ? pow(factor / scale * sigma, 2.0) : 0.0,
+                     by = a->kind == LG_TURN_DIRECTION ? q[a->first + a->turn]
+                          : moves                      ? along[a->first - machine->positions]
+                                                       : 0.0;
+        out[i] = isnan(variance) ? 0.0 : variance;
         part[i] = isnan(by) ? 0.0 : 1.0 - by * by;
     }
 }
@@ -79,10 +75,10 @@ static lg_status run_chain(const lg_machine_problem *problem, lg_tape *tape, con
                   .r = r,
                   .jacobian = jacobian};
     c.columns = c.shared + c.own;
-    const size_t bytes = lg_chain_numbers(&c) * sizeof(double);
+    const size_t bytes = lg_chain_place_all(&c, NULL) * sizeof(double);
     double *memory = lg_pool_take(tape, bytes);
     if (memory == NULL) return lg_tape_status(tape);
-    lg_chain_place(&c, memory);
+    (void)lg_chain_place_all(&c, memory);
     const lg_status status =
         lg_machine_is_long(problem) ? lg_chain_pass_long(tape, &c, floor) : lg_chain_pass_windows(tape, &c);
     if (status == LG_OK) put_priors(&c, batch);

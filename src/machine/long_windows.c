@@ -11,19 +11,15 @@
  * is the change of z_{j+1}. A machine whose runs do not spread fast needs few rounds. */
 enum { LONG = 512, ROUNDS = 12 };
 
-static size_t run_numbers(const lg_chain *c) {
+static size_t place_run(const lg_chain *c, lg_chain_run *x, double *memory) {
     const size_t M = c->problem->window, d = c->axes.count, n = c->axes.numbers;
-    return M * (2 * n + d * (d + c->shared)) + LG_FIT_CHUNK * (n + c->shared);
-}
-
-static lg_chain_run run_of(const lg_chain *c, double *memory) {
-    const size_t M = c->problem->window, d = c->axes.count, n = c->axes.numbers;
-    lg_chain_run x = {.z = memory, .F = memory + M * n};
-    x.A = x.F + M * n;
-    x.B = x.A + M * d * d;
-    x.dz = x.B + M * d * c->shared;
-    x.apart = x.dz + LG_FIT_CHUNK * n;
-    return x;
+    const lg_chain_array arrays[] = {{&x->z, M * n},
+                                     {&x->F, M * n},
+                                     {&x->A, M * d * d},
+                                     {&x->B, M * d * c->shared},
+                                     {&x->dz, LG_FIT_CHUNK * n},
+                                     {&x->apart, LG_FIT_CHUNK * c->shared}};
+    return lg_chain_place(arrays, LG_COUNT(arrays), memory);
 }
 
 /* F, A and B of all intervals at z. */
@@ -139,10 +135,11 @@ static lg_status add_floor(lg_tape *tape, lg_chain *c, double *floor) {
 }
 
 lg_status lg_chain_pass_long(lg_tape *tape, lg_chain *all, double *floor) {
-    const size_t bytes = run_numbers(all) * sizeof(double);
+    lg_chain_run x;
+    const size_t bytes = place_run(all, &x, NULL) * sizeof(double);
     double *memory = lg_pool_take(tape, bytes), loss = 0.0;
     if (memory == NULL) return lg_tape_status(tape);
-    const lg_chain_run x = run_of(all, memory);
+    (void)place_run(all, &x, memory);
     lg_status status = LG_OK;
     for (size_t s = 0; s < all->count && status == LG_OK; s++) {
         lg_chain one = *all;

@@ -36,18 +36,18 @@ static const char *direction_fault(const lg_machine *machine, const lg_machine_t
     return NULL;
 }
 
-static lg_var known(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
+static lg_var known(const lg_term_at *at) {
+    const bool directions = at->seen->directions;
     uint32_t list[LG_MACHINE_VELOCITIES], index[LG_MACHINE_VALUES];
     double factor[LG_MACHINE_VALUES];
-    const uint32_t n = lg_machine_mass_velocities(machine, seen->directions, list),
-                   columns = seen->directions ? 1 : n;
+    const uint32_t n = lg_machine_mass_velocities(at->machine, directions, list),
+                   columns = directions ? 1 : n;
     for (uint32_t k = 0; k < n * columns; k++) {
-        const uint32_t i = list[k / columns], j = seen->directions ? i : list[k % n];
-        index[k] = lg_machine_mass_place(machine, &machine->terms[term], i, j);
-        factor[k] = lg_machine_unit_mass(machine, i, j);
+        const uint32_t i = list[k / columns], j = directions ? i : list[k % n];
+        index[k] = lg_machine_mass_place(at->machine, at->term, i, j);
+        factor[k] = lg_machine_unit_mass(at->machine, i, j);
     }
-    return lg_reshape(tape, lg_machine_record_entries(tape, vars, term, n * columns, index, factor),
+    return lg_reshape(at->tape, lg_machine_record_entries(at, n * columns, index, factor),
                       lg_shape3(1, n, columns));
 }
 
@@ -91,44 +91,46 @@ static size_t constant_parameters(const lg_machine *machine, const lg_machine_te
 }
 
 /* Numbers first .. first + count - 1 of the term, (1, count), with the 0 of a normalised machine. */
-static lg_var numbers(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t first,
-                      uint32_t count) {
-    const lg_machine *machine = vars->machine;
-    lg_var all = vars->theta[term];
-    if (held(machine) > 0) {
-        const uint32_t at = (uint32_t)machine->scales.held - 1;
-        const uint32_t more = (uint32_t)machine->terms[term].parameters - at;
+static lg_var numbers(const lg_term_at *at, uint32_t first, uint32_t count) {
+    lg_tape *tape = at->tape;
+    lg_var all = at->theta;
+    if (held(at->machine) > 0) {
+        const uint32_t before = (uint32_t)at->machine->scales.held - 1;
+        const uint32_t more = (uint32_t)at->term->parameters - before;
         lg_var parts[3];
         size_t used = 0;
-        if (at > 0) parts[used++] = lg_slice(tape, all, 0, 0, at);
+        if (before > 0) parts[used++] = lg_slice(tape, all, 0, 0, before);
         parts[used++] = lg_full(tape, lg_shape1(1), 0.0);
-        if (more > 0) parts[used++] = lg_slice(tape, all, 0, at, more);
+        if (more > 0) parts[used++] = lg_slice(tape, all, 0, before, more);
         all = used == 1 ? parts[0] : lg_concat(tape, parts, used, 0);
     }
     return lg_reshape(tape, lg_slice(tape, all, 0, first, count), lg_shape2(1, count));
 }
 
-static lg_var direction_masses(lg_tape *tape, const lg_machine_vars *vars, uint32_t term, uint32_t first) {
-    const uint32_t n = vars->machine->directions;
-    return lg_reshape(tape, lg_exp(tape, numbers(tape, vars, term, first, n)), lg_shape3(1, n, 1));
+/* L L^T of packed triangles. */
+static lg_var square(const lg_term_at *at, lg_var packed) {
+    const lg_var L = lg_machine_record_triangle(at->tape, packed, at->machine->momenta, true);
+    return lg_matmul_nt(at->tape, L, L);
 }
 
-static lg_var diagonal(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                       const lg_machine_seen *seen) {
-    const uint32_t n = vars->machine->momenta;
-    if (vars->machine->terms[term].value_count > 0) return known(tape, vars, term, seen);
-    if (seen->directions) return direction_masses(tape, vars, term, n);
-    const lg_var m = lg_exp(tape, numbers(tape, vars, term, 0, n));
+static lg_var direction_masses(const lg_term_at *at, uint32_t first) {
+    const uint32_t n = at->machine->directions;
+    return lg_reshape(at->tape, lg_exp(at->tape, numbers(at, first, n)), lg_shape3(1, n, 1));
+}
+
+static lg_var diagonal(const lg_term_at *at) {
+    lg_tape *tape = at->tape;
+    const uint32_t n = at->machine->momenta;
+    if (at->term->value_count > 0) return known(at);
+    if (at->seen->directions) return direction_masses(at, n);
+    const lg_var m = lg_exp(tape, numbers(at, 0, n));
     return lg_mul(tape, lg_reshape(tape, m, lg_shape3(1, 1, n)), lg_unit_matrix(tape, n));
 }
 
-static lg_var constant(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                       const lg_machine_seen *seen) {
-    const uint32_t n = vars->machine->momenta;
-    if (seen->directions) return direction_masses(tape, vars, term, lg_triangle(n));
-    const lg_var packed = numbers(tape, vars, term, 0, lg_triangle(n));
-    const lg_var L = lg_machine_record_triangle(tape, packed, n, true);
-    return lg_matmul_nt(tape, L, L);
+static lg_var constant(const lg_term_at *at) {
+    const uint32_t n = at->machine->momenta;
+    return at->seen->directions ? direction_masses(at, lg_triangle(n))
+                                : square(at, numbers(at, 0, lg_triangle(n)));
 }
 
 /* ---- network ---- */
@@ -141,11 +143,8 @@ static bool always(const lg_machine *machine) {
     return true;
 }
 
-static lg_var network(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                      const lg_machine_seen *seen) {
-    const lg_var packed = lg_machine_record_network(tape, vars, term, seen);
-    const lg_var L = lg_machine_record_triangle(tape, packed, vars->machine->momenta, true);
-    return lg_matmul_nt(tape, L, L);
+static lg_var network(const lg_term_at *at) {
+    return square(at, lg_machine_record_network(at));
 }
 
 /* ---- the table ---- */

@@ -47,7 +47,7 @@ static lg_status momentum_residuals(void *user, lg_tape *tape, lg_var theta, con
     lg_var parts[LG_TAPED_MAX_PARTS], q, v, sum = LG_NONE;
     for (size_t s = 0; s < count; s++) at[s] = problem->start[samples[s]];
     const lg_var weights = weights_of(tape, problem, at, count, batch);
-    LG_TRY(lg_machine_begin_flow(tape, machine, problem->scheme, problem->substeps, theta, &vars, &flow));
+    LG_TRY(lg_machine_begin_flow(tape, problem, theta, &vars, &flow));
     for (uint32_t j = 0;; j++) {
         LG_TRY(lg_machine_record_rows(tape, machine, &problem->log, at, count, &q, &v));
         LG_TRY(lg_machine_record_state(tape, &vars, q, v, parts));

@@ -82,7 +82,8 @@ void lg_numbers_mass(lg_number_list *l, const lg_machine *machine, const lg_mach
     for (int directions = 0; directions < 2; directions++) {
         const lg_machine_seen seen = {.rows = 1, .directions = directions};
         if (lg_machine_mass_velocities(machine, directions, at) == 0) continue;
-        const lg_var M = good ? term->kind->record(l->tape, &l->vars, index, &seen) : LG_NONE;
+        const lg_term_at of = lg_term_at_of(l->tape, &l->vars, index, &seen);
+        const lg_var M = good ? term->kind->record(&of) : LG_NONE;
         lg_numbers_put_mass(l, machine, M, directions, diagonal || directions);
     }
 }
@@ -173,7 +174,8 @@ void lg_numbers_constant_damping(lg_number_list *l, const lg_machine *machine, c
     lg_var f = LG_NONE;
     if (l->status == LG_OK) {
         seen.v = lg_reshape(l->tape, lg_unit_matrix(l->tape, n), lg_shape2(n, n));
-        f = term->kind->record(l->tape, &l->vars, (uint32_t)(term - machine->terms), &seen);
+        const lg_term_at of = lg_term_at_of(l->tape, &l->vars, (uint32_t)(term - machine->terms), &seen);
+        f = term->kind->record(&of);
     }
     lg_numbers_read(l, f, (size_t)n * n, D);
     for (uint32_t i = 0; i < n; i++)

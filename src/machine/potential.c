@@ -22,31 +22,23 @@ size_t lg_machine_polynomial_parameters(const lg_machine *machine, const lg_mach
 
 /* Given coefficients in scaled units, (1, count): the coefficient in the log's units times the scales of its
  * factors, divided by E. */
-static lg_var given_coefficients(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                                 const lg_monomials *monomials) {
-    const lg_machine *machine = vars->machine;
+static lg_var given_coefficients(const lg_term_at *at, const lg_monomials *monomials) {
     double scales[LG_MACHINE_FEATURE_NUMBERS], unit[LG_MACHINE_MONOMIALS];
-    uint32_t index[LG_MACHINE_MONOMIALS];
-    (void)lg_machine_feature_scales(machine, &machine->terms[term], scales);
+    (void)lg_machine_feature_scales(at->machine, at->term, scales);
     for (uint32_t i = 0; i < monomials->count; i++) {
-        index[i] = i;
-        unit[i] = 1.0 / machine->scales.energy;
+        unit[i] = 1.0 / at->machine->scales.energy;
         for (const uint32_t *f = monomials->factor[i]; *f != UINT32_MAX; f++) unit[i] *= scales[*f];
     }
-    return lg_machine_record_entries(tape, vars, term, monomials->count, index, unit);
+    return lg_machine_record_entries(at, monomials->count, NULL, unit);
 }
 
-lg_var lg_machine_record_polynomial(lg_tape *tape, const lg_machine_vars *vars, uint32_t term,
-                                    const lg_machine_seen *seen) {
-    const lg_machine *machine = vars->machine;
-    const lg_machine_term *own = &machine->terms[term];
+lg_var lg_machine_record_polynomial(const lg_term_at *at) {
     lg_monomials monomials;
-    (void)list(machine, own, &monomials);
-    const lg_var x = lg_machine_record_features(tape, machine, own, seen);
-    const lg_var all = lg_machine_record_monomials(tape, &monomials, x);
-    const lg_var c =
-        own->value_count > 0 ? given_coefficients(tape, vars, term, &monomials) : vars->theta[term];
-    return lg_matmul(tape, all, lg_reshape(tape, c, lg_shape2(monomials.count, outputs(machine, own))));
+    (void)list(at->machine, at->term, &monomials);
+    const lg_shape shape = lg_shape2(monomials.count, outputs(at->machine, at->term));
+    const lg_var all = lg_machine_record_monomials(at->tape, &monomials, lg_machine_record_features(at));
+    const lg_var c = at->term->value_count > 0 ? given_coefficients(at, &monomials) : at->theta;
+    return lg_matmul(at->tape, all, lg_reshape(at->tape, c, shape));
 }
 
 /* ---- network ---- */

@@ -12,13 +12,8 @@ typedef struct one {
 } one;
 
 typedef struct runs {
-    const lg_machine *machine;
-    const double *theta;
-    const lg_scheme *scheme;
-    uint32_t substeps;
-    const lg_machine_log *log;
-    size_t count, steps, dim; /* runs that have not ended; dim: of a state */
-    bool to_end;
+    lg_machine_problem problem; /* its machine, parameters, scheme, substeps and log */
+    size_t count, steps, dim;   /* runs that have not ended; dim: of a state */
     double *positions, *velocities, *state, *row;
     one *run;
     size_t *at;
@@ -28,26 +23,21 @@ static void find_rows(const runs *r, size_t step) {
     for (size_t i = 0; i < r->count; i++) r->at[i] = r->run[i].start + step;
 }
 
-static lg_status begin(lg_tape *tape, const runs *r, lg_machine_vars *vars, lg_machine_flow *flow) {
-    lg_tape_reset(tape);
-    const lg_var theta = lg_machine_parameter(tape, r->machine, r->theta);
-    return lg_machine_begin_flow(tape, r->machine, r->scheme, r->substeps, theta, vars, flow);
-}
-
 /* Writes point `step` of all runs in the log's units; keeps the scaled states in r->state for the next
  * step. */
 static lg_status keep(lg_tape *tape, const runs *r, const lg_machine_flow *flow, const lg_var *parts,
                       size_t step) {
-    const lg_machine *machine = r->machine;
+    const lg_machine *machine = r->problem.machine;
     const size_t nq = machine->positions, nv = machine->velocities;
     double *q = r->row, *v = r->row + r->count * nq;
     const lg_var joined = lg_taped_join(tape, &flow->space, parts);
     LG_TRY(lg_read(tape, joined, r->count * r->dim, r->state));
     LG_TRY(lg_read(tape, lg_machine_record_positions(tape, flow->vars, parts), r->count * nq, q));
     find_rows(r, step);
-    const lg_var shown = lg_machine_record_shown(tape, flow->vars, r->log, r->at, (uint32_t)r->count, parts);
+    const lg_var shown =
+        lg_machine_record_shown(tape, flow->vars, &r->problem.log, r->at, (uint32_t)r->count, parts);
     LG_TRY(lg_read(tape, shown, r->count * nv, v));
-    for (size_t k = 0; k < r->count * (nq + nv) && r->to_end; k++)
+    for (size_t k = 0; k < r->count * (nq + nv) && r->steps == LG_MACHINE_TO_END; k++)
         if (isnan(r->row[k])) r->row[k] = INFINITY; /* NaN marks rows that are not predicted */
     for (size_t i = 0; i < r->count; i++) {
         lg_machine_unscale_row(machine, q + i * nq, v + i * nv);
@@ -59,27 +49,26 @@ static lg_status keep(lg_tape *tape, const runs *r, const lg_machine_flow *flow,
     return LG_OK;
 }
 
-static lg_status first_point(lg_tape *tape, const runs *r) {
+/* Computes point `step` of all runs: from the log, or from the point before. */
+static lg_status take_point(lg_tape *tape, const runs *r, size_t step) {
+    const lg_machine_problem *problem = &r->problem;
     lg_machine_vars vars;
     lg_machine_flow flow;
     lg_var parts[LG_TAPED_MAX_PARTS], positions, velocities;
-    LG_TRY(begin(tape, r, &vars, &flow));
-    find_rows(r, 0);
-    LG_TRY(lg_machine_record_rows(tape, r->machine, r->log, r->at, r->count, &positions, &velocities));
-    LG_TRY(lg_machine_record_state(tape, &vars, positions, velocities, parts));
-    LG_TRY(lg_machine_start_bristles(tape, &vars, r->log, r->at, r->count, parts));
-    return keep(tape, r, &flow, parts, 0);
-}
-
-static lg_status next_point(lg_tape *tape, const runs *r, size_t step) {
-    lg_machine_vars vars;
-    lg_machine_flow flow;
-    lg_var parts[LG_TAPED_MAX_PARTS];
-    LG_TRY(begin(tape, r, &vars, &flow));
-    find_rows(r, step - 1);
-    const lg_var state = lg_input_f64(tape, lg_shape2((uint32_t)r->count, (uint32_t)r->dim), r->state);
-    LG_TRY(lg_taped_split(tape, &flow.space, state, parts));
-    LG_TRY(lg_machine_record_interval(tape, &flow, r->log, r->at, (uint32_t)r->count, parts));
+    lg_tape_reset(tape);
+    LG_TRY(lg_machine_begin_flow(tape, problem, lg_machine_problem_parameter(tape, problem, NULL), &vars,
+                                 &flow));
+    find_rows(r, step > 0 ? step - 1 : 0);
+    if (step == 0) {
+        LG_TRY(lg_machine_record_rows(tape, problem->machine, &problem->log, r->at, r->count, &positions,
+                                      &velocities));
+        LG_TRY(lg_machine_record_state(tape, &vars, positions, velocities, parts));
+        LG_TRY(lg_machine_start_bristles(tape, &vars, &problem->log, r->at, r->count, parts));
+    } else {
+        const lg_var state = lg_input_f64(tape, lg_shape2((uint32_t)r->count, (uint32_t)r->dim), r->state);
+        LG_TRY(lg_taped_split(tape, &flow.space, state, parts));
+        LG_TRY(lg_machine_record_interval(tape, &flow, &problem->log, r->at, (uint32_t)r->count, parts));
+    }
     return keep(tape, r, &flow, parts, step);
 }
 
@@ -95,12 +84,11 @@ static void end_runs(runs *r, size_t step) {
 }
 
 static lg_status run_all(const lg_context *context, lg_tape *tape, runs *r) {
-    LG_TRY(first_point(tape, r));
-    for (size_t step = 1; step <= r->steps; step++) {
+    for (size_t step = 0; step <= r->steps; step++) {
         if (lg_cancelled(context)) return LG_CANCELLED;
         end_runs(r, step);
         if (r->count == 0) break;
-        LG_TRY(next_point(tape, r, step));
+        LG_TRY(take_point(tape, r, step));
     }
     return LG_OK;
 }
@@ -127,21 +115,17 @@ lg_status lg_machine_free_run(const lg_context *context, const lg_machine *machi
                    lg_no_memory(error));
     LG_TRY_SCRATCH(size_t, at, context, count, lg_no_memory(error));
     LG_TRY_SCRATCH(one, run, context, count, lg_no_memory(error));
-    runs r = {machine,
-              theta,
-              scheme,
-              substeps,
-              log,
-              count,
-              steps,
-              space.dim,
-              to_end,
-              positions,
-              velocities,
-              state,
-              state + count * space.dim,
-              run,
-              at};
+    runs r = {
+        .problem = {.machine = machine, .scheme = scheme, .substeps = substeps, .theta = theta, .log = *log},
+        .count = count,
+        .steps = steps,
+        .dim = space.dim,
+        .positions = positions,
+        .velocities = velocities,
+        .state = state,
+        .row = state + count * space.dim,
+        .run = run,
+        .at = at};
     if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
     for (size_t i = 0; i < count; i++)
         run[i] = (one){start[i], log->first[lg_machine_log_part(log, start[i]) + 1],

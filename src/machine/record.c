@@ -18,8 +18,8 @@ static lg_var sum_of(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part
         seen = &actuated;
     }
     for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_term_kind *kind = machine->terms[i].kind;
-        if (kind->part == part) sum = lg_add_or(tape, sum, kind->record(tape, vars, i, seen));
+        const lg_term_at at = lg_term_at_of(tape, vars, i, seen);
+        if (at.term->part == part) sum = lg_add_or(tape, sum, at.term->kind->record(&at));
     }
     return sum;
 }
@@ -29,11 +29,12 @@ static lg_var record_direction_mass(lg_tape *tape, const lg_machine_vars *vars) 
     const lg_machine *machine = vars->machine;
     const uint32_t k = machine->directions;
     const bool coupled = machine->grey.system != NULL && k > 1;
+    const lg_machine_seen seen = {.rows = 1, .directions = true};
     lg_var sum = LG_NONE;
     for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_term_kind *kind = machine->terms[i].kind;
-        if (kind->part != LG_MACHINE_MASS || kind->outputs != NULL) continue;
-        lg_var m = kind->record(tape, vars, i, &(lg_machine_seen){.rows = 1, .directions = true});
+        const lg_term_at at = lg_term_at_of(tape, vars, i, &seen);
+        if (at.term->part != LG_MACHINE_MASS || at.term->kind->outputs != NULL) continue;
+        lg_var m = at.term->kind->record(&at);
         if (coupled && lg_var_shape(tape, m).dims[2] == 1) m = lg_mul(tape, m, lg_unit_matrix(tape, k));
         sum = lg_add_or(tape, sum, m);
     }
@@ -533,9 +534,9 @@ lg_status lg_machine_record_motion(lg_tape *tape, const lg_machine_vars *vars, c
     lg_var g[LG_TAPED_MAX_PARTS], change;
     *out = (lg_machine_motion){moving_mass(tape, vars, seen), all_forces(tape, vars, seen), LG_NONE};
     for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
-        if (term->kind->limit != NULL && lg_machine_term_sticks(machine, term))
-            out->c = lg_add_or(tape, out->c, term->kind->limit(tape, vars, i, seen));
+        const lg_term_at at = lg_term_at_of(tape, vars, i, seen);
+        if (at.term->kind->limit != NULL && lg_machine_term_sticks(machine, at.term))
+            out->c = lg_add_or(tape, out->c, at.term->kind->limit(&at));
     }
     if (lg_is_none(out->c)) out->c = lg_full(tape, lg_shape2(1, machine->velocities), 0.0);
     LG_TRY(conservative_force(tape, vars, out->M, seen->v, seen, g));

@@ -1,22 +1,28 @@
 /* Machines: the axes along which a row of a log may change. */
 #include "machine/chain.h"
 
-static void add_axes(lg_row_axes *all, int kind, uint32_t first, uint32_t count) {
+static void add_axes(lg_row_axes *all, int kind, const lg_machine_offsets *at, uint32_t first,
+                     uint32_t count) {
     for (uint32_t k = 0; k < count; k++)
-        all->each[all->count++] = kind == LG_ALONG ? (lg_row_axis){LG_ALONG, first + k, 0}
-                                                   : (lg_row_axis){.kind = kind, .first = first, .turn = k};
+        all->each[all->count++] = (lg_row_axis){.kind = kind,
+                                                .first = first + (kind == LG_ALONG ? k : 0),
+                                                .turn = kind == LG_ALONG ? 0 : k,
+                                                .coordinate = at->index,
+                                                .turns = kind != LG_ALONG || k >= at->places};
 }
 
 lg_row_axes lg_row_axes_of(const lg_machine *machine) {
+    const lg_machine_offsets none = {0};
     lg_row_axes all = {.numbers = machine->positions + machine->velocities + machine->bristles};
     for (int kind = LG_ALONG; kind <= LG_TURN_ROTATION; kind++)
         for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
             const uint32_t axes[] = {at.places, 3 * at.directions, 3 * at.rotations};
-            add_axes(&all, kind, at.position + (kind == LG_TURN_ROTATION ? at.places : 0), axes[kind]);
+            add_axes(&all, kind, &at, at.position + (kind == LG_TURN_ROTATION ? at.places : 0), axes[kind]);
         }
-    add_axes(&all, LG_ALONG, machine->positions, machine->velocities);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
+        add_axes(&all, LG_ALONG, &at, machine->positions + at.velocity, at.velocities);
     all.seen = all.count;
-    add_axes(&all, LG_ALONG, machine->positions + machine->velocities, machine->bristles);
+    add_axes(&all, LG_ALONG, &none, machine->positions + machine->velocities, machine->bristles);
     return all;
 }
 

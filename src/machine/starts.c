@@ -3,7 +3,7 @@
 
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "machine/internal.h"
+#include "machine/chain.h"
 
 uint32_t lg_machine_start_numbers(const lg_machine *machine) {
     return machine->places + 3 * machine->directions + 3 * machine->rotations + machine->velocities;
@@ -11,19 +11,18 @@ uint32_t lg_machine_start_numbers(const lg_machine *machine) {
 
 void lg_machine_start_units(const lg_machine_problem *problem, double *scale) {
     const lg_machine *machine = problem->machine;
-    const double unit = sqrt((double)problem->windows);
-    const uint32_t directions = machine->places, rotations = directions + 3 * machine->directions,
-                   velocities = rotations + 3 * machine->rotations;
-    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
-        const double T = machine->scales.time, shown = unit * problem->velocity_scale[at.index];
-        const double q = machine->accelerations ? T * T * shown : unit * problem->position_scale[at.index],
+    const lg_row_axes all = lg_row_axes_of(machine);
+    const double unit = sqrt((double)problem->windows), T = machine->scales.time;
+    for (uint32_t i = 0; i < all.seen; i++) {
+        const lg_row_axis *a = &all.each[i];
+        const double shown = unit * problem->velocity_scale[a->coordinate];
+        const double q = machine->accelerations ? T * T * shown
+                                                : unit * problem->position_scale[a->coordinate],
                      v = machine->accelerations ? T * shown : shown;
-        for (uint32_t k = 0; k < at.places; k++)
-            scale[at.place + k] = q / machine->scales.place[at.place + k];
-        for (uint32_t k = 0; k < 3 * at.directions; k++) scale[directions + 3 * at.direction + k] = q;
-        for (uint32_t k = 0; k < 3 * at.rotations; k++) scale[rotations + 3 * at.rotation + k] = q;
-        for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
-            scale[velocities + k] = v * machine->scales.time / machine->scales.velocity[k];
+        scale[i] = i < machine->places ? q / machine->scales.place[i]
+                   : a->first < machine->positions
+                       ? q
+                       : v * T / machine->scales.velocity[a->first - machine->positions];
     }
 }
 

@@ -235,12 +235,11 @@ static void fill_coefficients(lg_tape *tape, interval *over, uint32_t powers) {
         over->u[k] = coefficients(tape, machine, over->log, over->at, over->count, k);
 }
 
-lg_status lg_machine_begin_flow(lg_tape *tape, const lg_machine *machine, const lg_scheme *scheme,
-                                uint32_t substeps, lg_var theta, lg_machine_vars *vars,
-                                lg_machine_flow *flow) {
-    LG_TRY(lg_machine_bind(tape, machine, theta, vars));
-    *flow = (lg_machine_flow){.vars = vars, .scheme = scheme, .substeps = substeps};
-    return lg_machine_space(machine, &flow->space);
+lg_status lg_machine_begin_flow(lg_tape *tape, const lg_machine_problem *problem, lg_var theta,
+                                lg_machine_vars *vars, lg_machine_flow *flow) {
+    LG_TRY(lg_machine_bind(tape, problem->machine, theta, vars));
+    *flow = (lg_machine_flow){.vars = vars, .scheme = problem->scheme, .substeps = problem->substeps};
+    return lg_machine_space(problem->machine, &flow->space);
 }
 
 lg_status lg_machine_split_row(lg_tape *tape, const lg_machine_vars *vars, lg_var z, lg_var *parts) {

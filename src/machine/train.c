@@ -9,20 +9,29 @@
 
 /* ---- logged data ---- */
 
-/* Points first .. last of each window. Arrays are ordered by points, then by windows: (points * count,
- * ...). */
+/* Points of windows. Arrays are ordered by points, then by windows: (points * count, ...). */
 typedef struct points {
     const lg_machine_problem *problem;
     const uint32_t *samples;
     size_t count;
-    uint32_t first, last;
+    uint32_t first, many; /* of the points in the loss: the first, and how many */
+    size_t *at, *used;    /* rows of the log of all points; of the points in the loss */
 } points;
 
-static size_t row_of(const points *p, uint32_t point, size_t sample) {
-    return p->problem->start[p->samples[sample]] + point;
+static lg_status begin(lg_tape *tape, const lg_machine_problem *problem, lg_var theta,
+                       const uint32_t *samples, size_t count, points *p, lg_machine_vars *vars,
+                       lg_machine_flow *flow) {
+    const uint32_t first = lg_machine_starts_estimated(problem) ? 0 : 1;
+    size_t *at = lg_payload_allocate(tape, problem->window * count * sizeof *at);
+    if (at == NULL) return lg_tape_status(tape);
+    for (size_t i = 0; i < problem->window * count; i++)
+        at[i] = problem->start[samples[i % count]] + i / count;
+    *p = (points){problem, samples, count, first, problem->window - first, at, at + first * count};
+    if (problem->theta != NULL) theta = lg_machine_problem_parameter(tape, problem, NULL);
+    return lg_machine_begin_flow(tape, problem, theta, vars, flow);
 }
 
-/* Logged positions and velocities (or accelerations) of all points, and their weights. */
+/* Logged positions and velocities (or accelerations) of the points in the loss, and their weights. */
 typedef struct given {
     lg_var positions, velocities, position_weights, velocity_weights;
     /* Shaped as velocities: logged directions, 0 for other coordinates. Only for machines with directions. */
@@ -32,7 +41,7 @@ typedef struct given {
 static lg_status put_given(lg_tape *tape, const points *p, double factor, given *out) {
     const lg_machine_problem *problem = p->problem;
     const lg_machine *machine = problem->machine;
-    const size_t rows = p->count * (p->last - p->first + 1);
+    const size_t rows = p->count * p->many;
     const lg_shape places = lg_shape2((uint32_t)rows, machine->positions),
                    speeds = lg_shape2((uint32_t)rows, machine->velocities);
     void *memory[4], *along;
@@ -42,18 +51,15 @@ static lg_status put_given(lg_tape *tape, const points *p, double factor, given 
     out->velocity_weights = lg_input_buffer(tape, speeds, &memory[3]);
     if (machine->directions > 0) out->along = lg_input_buffer(tape, speeds, &along);
     LG_TRY(lg_tape_status(tape));
-    size_t at = 0;
-    for (uint32_t point = p->first; point <= p->last; point++)
-        for (size_t s = 0; s < p->count; s++, at++) {
-            const size_t row = row_of(p, point, s);
-            double *each[4];
-            for (int i = 0; i < 4; i++)
-                each[i] = (double *)memory[i] + at * (i % 2 == 0 ? machine->positions : machine->velocities);
-            lg_machine_shown_row(machine, &problem->log, row, each[0], each[1]);
-            lg_machine_weigh_row(problem, row, factor, each[2], each[3]);
-            if (machine->directions > 0)
-                lg_machine_along_row(problem, row, (double *)along + at * machine->velocities);
-        }
+    for (size_t i = 0; i < rows; i++) {
+        double *each[4];
+        for (int k = 0; k < 4; k++)
+            each[k] = (double *)memory[k] + i * (k % 2 == 0 ? machine->positions : machine->velocities);
+        lg_machine_shown_row(machine, &problem->log, p->used[i], each[0], each[1]);
+        lg_machine_weigh_row(problem, p->used[i], factor, each[2], each[3]);
+        if (machine->directions > 0)
+            lg_machine_along_row(problem, p->used[i], (double *)along + i * machine->velocities);
+    }
     return LG_OK;
 }
 
@@ -69,73 +75,51 @@ static lg_var start_parameters(lg_tape *tape, const points *p, lg_var theta) {
     return lg_gather(tape, all, p->samples, (uint32_t)p->count);
 }
 
-enum { PARTS = 6 };
-
 /* Predicts points 0 .. M - 1 of the samples' windows: M states of `parts` variables each. */
 static lg_status predict(lg_tape *tape, const points *p, const lg_machine_flow *flow, lg_var theta,
                          lg_var *predicted) {
     const lg_machine_problem *problem = p->problem;
     const size_t parts = lg_taped_parts(&flow->space);
-    size_t at[LG_FIT_CHUNK];
     lg_var positions, velocities;
-    for (size_t s = 0; s < p->count; s++) at[s] = row_of(p, 0, s);
-    LG_TRY(
-        lg_machine_record_rows(tape, problem->machine, &problem->log, at, p->count, &positions, &velocities));
+    LG_TRY(lg_machine_record_rows(tape, problem->machine, &problem->log, p->at, p->count, &positions,
+                                  &velocities));
     if (lg_machine_starts_estimated(problem))
         LG_TRY(lg_machine_move_starts(tape, problem, flow->vars, start_parameters(tape, p, theta), positions,
                                       velocities, predicted));
     else
         LG_TRY(lg_machine_record_state(tape, flow->vars, positions, velocities, predicted));
-    LG_TRY(lg_machine_start_bristles(tape, flow->vars, &problem->log, at, p->count, predicted));
+    LG_TRY(lg_machine_start_bristles(tape, flow->vars, &problem->log, p->at, p->count, predicted));
     for (uint32_t j = 0; j + 1 < problem->window; j++) {
         lg_var *next = predicted + (j + 1) * parts;
         memcpy(next, next - parts, parts * sizeof *next);
-        for (size_t s = 0; s < p->count; s++) at[s] = row_of(p, j, s);
-        LG_TRY(lg_machine_record_interval(tape, flow, &problem->log, at, (uint32_t)p->count, next));
+        LG_TRY(lg_machine_record_interval(tape, flow, &problem->log, p->at + j * p->count, (uint32_t)p->count,
+                                          next));
     }
     return LG_OK;
 }
 
-static lg_status begin(lg_tape *tape, const lg_machine_problem *problem, lg_var theta, lg_machine_vars *vars,
-                       lg_machine_flow *flow) {
-    if (problem->theta != NULL) theta = lg_machine_parameter(tape, problem->machine, problem->theta);
-    return lg_machine_begin_flow(tape, problem->machine, problem->scheme, problem->substeps, theta, vars,
-                                 flow);
-}
-
-/* Joins points first .. last of each part of the state into one variable, point after point. */
-static lg_status join_points(lg_tape *tape, const points *p, size_t parts, const lg_var *predicted,
-                             lg_var *all) {
-    const size_t bytes = (p->last - p->first + 1) * sizeof(lg_var);
-    lg_var *each = lg_pool_take(tape, bytes);
-    if (each == NULL) return lg_tape_status(tape);
-    for (size_t i = 0; i < parts; i++) {
-        for (uint32_t j = p->first; j <= p->last; j++) each[j - p->first] = predicted[j * parts + i];
-        all[i] = p->last == p->first ? each[0] : lg_concat(tape, each, p->last - p->first + 1, 0);
-    }
-    lg_pool_give(tape, each, bytes);
-    return lg_tape_status(tape);
-}
-
-/* Predicts the windows of `p` and joins their points first .. last. */
+/* Predicts the windows of `p` and joins the points in the loss of each part of the state into one variable,
+ * point after point. */
 static lg_status predict_joined(lg_tape *tape, const points *p, const lg_machine_flow *flow, lg_var theta,
                                 lg_var *all) {
-    const size_t bytes = (size_t)PARTS * p->problem->window * sizeof(lg_var);
-    lg_var *predicted = lg_pool_take(tape, bytes);
+    const size_t parts = lg_taped_parts(&flow->space), window = p->problem->window;
+    lg_var *predicted = lg_payload_allocate(tape, (parts + 1) * window * sizeof *predicted),
+           *each = predicted + parts * window;
     if (predicted == NULL) return lg_tape_status(tape);
-    lg_status status = predict(tape, p, flow, theta, predicted);
-    if (status == LG_OK) status = join_points(tape, p, lg_taped_parts(&flow->space), predicted, all);
-    lg_pool_give(tape, predicted, bytes);
-    return status;
+    LG_TRY(predict(tape, p, flow, theta, predicted));
+    for (size_t i = 0; i < parts; i++) {
+        for (uint32_t j = 0; j < p->many; j++) each[j] = predicted[(p->first + j) * parts + i];
+        all[i] = p->many == 1 ? each[0] : lg_concat(tape, each, p->many, 0);
+    }
+    return lg_tape_status(tape);
 }
 
 /* Reorders x (points * count, n), ordered by points, to rows of windows (count, points * n). */
 static lg_var by_window(lg_tape *tape, const points *p, lg_var x) {
-    const uint32_t n = lg_var_shape(tape, x).dims[1], many = p->last - p->first + 1;
-    const uint32_t count = (uint32_t)p->count;
+    const uint32_t n = lg_var_shape(tape, x).dims[1], count = (uint32_t)p->count;
     static const int axes[] = {1, 0, 2};
-    if (many > 1) x = lg_permute(tape, lg_reshape(tape, x, lg_shape3(many, count, n)), axes);
-    return lg_reshape(tape, x, lg_shape2(count, many * n));
+    if (p->many > 1) x = lg_permute(tape, lg_reshape(tape, x, lg_shape3(p->many, count, n)), axes);
+    return lg_reshape(tape, x, lg_shape2(count, p->many * n));
 }
 
 /* Removes from the velocities of directions their parts along the logged directions: r - (r . q) q. */
@@ -155,14 +139,8 @@ static lg_var across(lg_tape *tape, const lg_machine *machine, lg_var r, lg_var 
 
 /* What the logs show of the velocities of the states `all`, joined points. */
 static lg_var shown(lg_tape *tape, const points *p, const lg_machine_vars *vars, const lg_var *all) {
-    const size_t rows = p->count * (p->last - p->first + 1);
-    size_t *at = lg_pool_take(tape, rows * sizeof *at), i = 0;
-    if (at == NULL) return LG_NONE;
-    for (uint32_t point = p->first; point <= p->last; point++)
-        for (size_t s = 0; s < p->count; s++) at[i++] = row_of(p, point, s);
-    const lg_var out = lg_machine_record_shown(tape, vars, &p->problem->log, at, (uint32_t)rows, all);
-    lg_pool_give(tape, at, rows * sizeof *at);
-    return out;
+    return lg_machine_record_shown(tape, vars, &p->problem->log, p->used, (uint32_t)(p->count * p->many),
+                                   all);
 }
 
 /* Weighted differences of each window between predicted states `all` and data, (count, numbers). */
@@ -177,25 +155,20 @@ static lg_var differences(lg_tape *tape, const points *p, const lg_machine_vars 
     return lg_concat(tape, r, 2, 1);
 }
 
-static points window_points(const lg_machine_problem *problem, const uint32_t *samples, size_t count) {
-    return (points){problem, samples, count, lg_machine_starts_estimated(problem) ? 0 : 1,
-                    problem->window - 1};
-}
-
 /* Factor of the residuals r that makes the sum of r^2 over a batch the mean loss of the batch. */
 static double factor_of(const points *p, size_t batch) {
-    return 1.0 / sqrt((double)batch * (double)(p->last - p->first + 1));
+    return 1.0 / sqrt((double)batch * (double)p->many);
 }
 
 static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples,
                                  size_t count, size_t batch, lg_var *r) {
     const lg_machine_problem *problem = user;
-    const points p = window_points(problem, samples, count);
+    points p;
     lg_machine_vars vars;
     lg_machine_flow flow;
-    lg_var all[PARTS];
+    lg_var all[LG_TAPED_MAX_PARTS];
     given data;
-    LG_TRY(begin(tape, problem, theta, &vars, &flow));
+    LG_TRY(begin(tape, problem, theta, samples, count, &p, &vars, &flow));
     LG_TRY(predict_joined(tape, &p, &flow, theta, all));
     LG_TRY(put_given(tape, &p, factor_of(&p, batch), &data));
     *r = differences(tape, &p, &vars, &data, all);
@@ -212,13 +185,13 @@ static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const 
 static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                              size_t batch, lg_var *floor) {
     const lg_machine_problem *problem = user;
-    const points p = window_points(problem, samples, count);
     const double power = ldexp(1.0, problem->scheme->order);
+    points p;
     lg_machine_vars vars;
     lg_machine_flow once, twice;
-    lg_var all[PARTS];
+    lg_var all[LG_TAPED_MAX_PARTS];
     given data;
-    LG_TRY(begin(tape, problem, theta, &vars, &once));
+    LG_TRY(begin(tape, problem, theta, samples, count, &p, &vars, &once));
     twice = once;
     twice.substeps *= 2;
     LG_TRY(put_given(tape, &p, factor_of(&p, batch) * power / (power - 1.0), &data));

@@ -86,17 +86,15 @@ static lg_status check_functions(const lg_model *model, lg_error *error) {
 
 /* ---- the handle ---- */
 
-static lg_status add_velocity(lg_model *model, lg_error *error) {
-    size_t field, count;
-    if (lg_program_find(model->program, "field", &field, NULL) != LG_OK)
-        return lg_fail(error, LG_NOT_FOUND, "the model has a space, but no function 'field'");
-    const lg_port *in = lg_program_inputs(model->program, field, &count);
-    LG_TRY(check_state(model, lg_shape_count(in[0].shape), error));
-    return lg_program_add_velocity(model->program, &model->space, error);
-}
-
 static lg_status complete(lg_model *made, lg_error *error) {
-    if (lg_model_moves(made)) LG_TRY(add_velocity(made, error));
+    if (lg_model_moves(made)) {
+        size_t field, count;
+        if (lg_program_find(made->program, "field", &field, NULL) != LG_OK)
+            return lg_fail(error, LG_NOT_FOUND, "the model has a space, but no function 'field'");
+        const lg_port *in = lg_program_inputs(made->program, field, &count);
+        LG_TRY(check_state(made, lg_shape_count(in[0].shape), error));
+        LG_TRY(lg_program_add_velocity(made->program, &made->space, error));
+    }
     LG_TRY(make_plans(made, error));
     const lg_plan *value = made->plan[LG_MODEL_VALUE], *field = made->plan[LG_MODEL_FIELD];
     if (value == NULL && field == NULL)

@@ -99,14 +99,10 @@ static lg_status check_range(const lg_search_space *space, size_t index, lg_erro
     for (size_t k = 0; k < index; k++)
         if (strcmp(range->name, space->ranges[k].name) == 0)
             return lg_fail(error, LG_INVALID_ARGUMENT, "range '%s' stands twice", range->name);
-    switch (range->kind) {
-    case LG_RANGE_UNIFORM:
-    case LG_RANGE_LOG_UNIFORM:
-    case LG_RANGE_INTEGER:
+    if (range->kind == LG_RANGE_CHOICE) return check_choices(range, error);
+    if (range->kind == LG_RANGE_UNIFORM || range->kind == LG_RANGE_LOG_UNIFORM ||
+        range->kind == LG_RANGE_INTEGER)
         return check_bounds(range, error);
-    case LG_RANGE_CHOICE:
-        return check_choices(range, error);
-    }
     return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the range has the unknown kind %d", range->name,
                    (int)range->kind);
 }

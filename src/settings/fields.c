@@ -37,22 +37,18 @@ static const void *member_of(const lg_field *row, const void *run) {
     return (const char *)run + row->offset;
 }
 
-/* Position in the field's list of values of the entry that a pointer member points to. If it points to none
- * of them, the number of entries. */
-static uint64_t row_number(const lg_field *row, const void *at) {
-    const void *pointer;
-    uint32_t value = 0;
-    memcpy(&pointer, at, sizeof pointer);
-    while (lg_field_name(row, value) != NULL && row->value_at(value) != pointer) value++;
-    return value;
-}
-
-/* The value of a name, a flag or an integer member of any width, as an integer. */
+/* The value of a name, a flag or an integer member of any width, as an integer. Of a pointer member it is
+ * the position of the entry that it points to in the field's list of values; if it points to none, their
+ * number. */
 static uint64_t whole_at(const lg_field *row, const void *run) {
-    const void *at = member_of(row, run);
-    if (row->value_at != NULL) return row_number(row, at);
+    const void *at = member_of(row, run), *pointer;
     bool flag = false;
     uint32_t narrow = 0;
+    if (row->value_at != NULL) {
+        memcpy(&pointer, at, sizeof pointer);
+        while (lg_field_name(row, narrow) != NULL && row->value_at(narrow) != pointer) narrow++;
+        return narrow;
+    }
     uint64_t wide = 0;
     memcpy(row->size == sizeof wide     ? (void *)&wide
            : row->size == sizeof narrow ? (void *)&narrow
@@ -283,13 +279,6 @@ static void names_text(const lg_field *row, const char *last, char *out, size_t 
         lg_append(out, size, "%s%s", i == 0 ? "" : lg_field_name(row, i + 1) == NULL ? last : ", ", name);
 }
 
-/* Names the single values, if there are any, and the form: "adam, lbfgs or lm, or phases as in
- * adam:100,lbfgs". */
-static void form_text(const lg_field *row, char *out, size_t size) {
-    names_text(row, " or ", out, size);
-    lg_append(out, size, "%s%s", out[0] != '\0' ? ", or " : "", row->form);
-}
-
 /* Formats the range as "1 to 1048576", "above 0 to 1" or "0 or more". */
 static void span_text(const lg_field *row, char *text, size_t size) {
     char low[32], high[32] = "";
@@ -309,17 +298,17 @@ int lg_field_describe(const lg_field *row, char *text, size_t size) {
     if (value == NULL) value = "";
     if (row->group == NULL)
         return snprintf(text, size, value[0] != '\0' ? "%s (%s%s)" : "%s", row->meaning, is, value);
-    if (!is_named(row)) {
-        if (row->form != NULL)
-            form_text(row, range, sizeof range);
-        else
-            span_text(row, range, sizeof range);
-        return snprintf(text, size, "%s (%s%s%s%s)", row->meaning, range, value[0] != '\0' ? "; " : "", is,
-                        value);
-    }
     names_text(row, " or ", range, sizeof range);
-    return snprintf(text, size, "%s: %s%s%s%s%s", row->meaning, range, value[0] != '\0' ? " (" : "", is,
-                    value, value[0] != '\0' ? ")" : "");
+    if (is_named(row))
+        return snprintf(text, size, "%s: %s%s%s%s%s", row->meaning, range, value[0] != '\0' ? " (" : "", is,
+                        value, value[0] != '\0' ? ")" : "");
+    /* The names of single values, if there are any, and a form: "adam or lm, or phases as in adam:100,lm". */
+    if (row->form != NULL)
+        lg_append(range, sizeof range, "%s%s", range[0] != '\0' ? ", or " : "", row->form);
+    else
+        span_text(row, range, sizeof range);
+    return snprintf(text, size, "%s (%s%s%s%s)", row->meaning, range, value[0] != '\0' ? "; " : "", is,
+                    value);
 }
 
 /* ---- from text ---- */

@@ -9,20 +9,27 @@
 typedef struct lg_result {
     const char *name;   /* key in JSON; NULL for a member of a list, and where a list or object ends */
     const char *label;  /* explanation for people; may be NULL */
-    lg_field_type type; /* LG_FIELD_REAL, _U64, _FLAG, _STRING, _REALS, _WHOLES, or _NODE for a bracket */
+    lg_field_type type; /* LG_FIELD_REAL, _U64, _FLAG, _STRING, _REALS, _TEXT, _WHOLES, _NODE: a bracket */
     double real;
     int digits;     /* of `real`, for people; 0: 6 */
-    uint64_t whole; /* also of a flag; of LG_FIELD_REALS, how many there are */
+    uint64_t whole; /* also of a flag; of LG_FIELD_REALS and LG_FIELD_TEXT, how many there are */
     const double *reals;
     /* LG_FIELD_WHOLES is a matrix of (whole, whole) counts, whose rows and columns are classes */
     const uint64_t *counts;
-    const char
-        *text; /* borrowed; NULL: unknown; of a matrix the names of the classes, of `size` bytes each */
+    const char *text; /* borrowed; NULL: unknown; of LG_FIELD_TEXT and matrices, texts of `size` bytes each */
     size_t size;
     char bracket; /* one of [ { ] }; 0: the entry is none */
     bool people;  /* a cell that only the table for people has */
     bool shown;   /* people see a line with the label, of a list of numbers too */
 } lg_result;
+
+/* Entries of which people see a line with the key, the value and `words` (NULL: no words). */
+#define LG_SHOWN(key, type_, words, ...)                                                                     \
+    ((lg_result){.name = (key), .type = LG_FIELD_##type_, .label = (words), .shown = true, __VA_ARGS__})
+#define LG_REAL(key, value, words)          LG_SHOWN(key, REAL, words, .real = (value))
+#define LG_WHOLE(key, value, words)         LG_SHOWN(key, U64, words, .whole = (value))
+#define LG_TEXT(key, value, words)          LG_SHOWN(key, STRING, words, .text = (value))
+#define LG_REALS(key, values, count, words) LG_SHOWN(key, REALS, words, .reals = (values), .whole = (count))
 
 /* Entries without a label. */
 #define LG_AS_REAL(key, value) ((lg_result){.name = (key), .type = LG_FIELD_REAL, .real = (value)})
@@ -31,9 +38,14 @@ typedef struct lg_result {
 #define LG_AS_WHOLE(key, value) ((lg_result){.name = (key), .type = LG_FIELD_U64, .whole = (value)})
 #define LG_AS_FLAG(key, value)  ((lg_result){.name = (key), .type = LG_FIELD_FLAG, .whole = (value)})
 #define LG_AS_TEXT(key, value)  ((lg_result){.name = (key), .type = LG_FIELD_STRING, .text = (value)})
-#define LG_AS_BRACKET(key, at)  ((lg_result){.name = (key), .type = LG_FIELD_NODE, .bracket = (at)})
 #define LG_AS_REALS(key, values, count)                                                                      \
     ((lg_result){.name = (key), .type = LG_FIELD_REALS, .reals = (values), .whole = (count)})
+#define LG_AS_TEXTS(key, texts, count)                                                                       \
+    ((lg_result){.name = (key),                                                                              \
+                 .type = LG_FIELD_TEXT,                                                                      \
+                 .text = (texts)[0],                                                                         \
+                 .size = sizeof(texts)[0],                                                                   \
+                 .whole = (count)})
 #define LG_AS_CONFUSION(key, matrix, classes, names)                                                         \
     ((lg_result){.name = (key),                                                                              \
                  .type = LG_FIELD_WHOLES,                                                                    \

@@ -191,12 +191,6 @@ static lg_status search(evidence *e, const lg_table_evidence_options *o) {
 
 /* ---- memory ---- */
 
-/* Chooses e->rows of the training rows, evenly spaced. */
-static void choose_rows(evidence *e) {
-    const size_t training = e->problem->samples->training;
-    for (size_t i = 0; i < e->rows; i++) e->chosen[i] = (uint32_t)lg_spread(i, training, e->rows);
-}
-
 static lg_status make_room(evidence *e) {
     const size_t n = e->n, chunk = (size_t)CHUNK * e->problem->model->net.outputs;
     lg_tape_options options;
@@ -222,9 +216,10 @@ void lg_table_evidence_options_init(lg_table_evidence_options *options) {
 static lg_status run(evidence *e, const lg_table_evidence_options *o, double *theta, double *decay,
                      lg_table_evidence_result *result) {
     LG_TRY(make_room(e));
-    choose_rows(e);
+    const size_t training = e->problem->samples->training; /* the rows are chosen evenly */
+    for (size_t i = 0; i < e->rows; i++) e->chosen[i] = (uint32_t)lg_spread(i, training, e->rows);
     memcpy(e->at.theta, theta, e->n * sizeof *theta);
-    const size_t outputs = e->problem->model->net.outputs, all = e->problem->samples->training * outputs;
+    const size_t all = training * e->problem->model->net.outputs;
     for (uint32_t s = 0; s < e->slices; s++)
         e->ratio[s] = o->go_on ? 0.5 * decay[s] * (double)all : START * (double)e->data;
     LG_TRY(search(e, o));

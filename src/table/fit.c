@@ -75,13 +75,6 @@ static lg_status try_start(fitting *f, uint32_t start, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status fit(fitting *f, const double *x, const double *y, size_t rows, lg_program **out,
-                     lg_error *error) {
-    LG_TRY(prepare(f, x, y, rows, error));
-    for (uint32_t start = 0; start < f->options->starts; start++) LG_TRY(try_start(f, start, error));
-    return lg_table_program(f->context, &f->model, &f->inputs, &f->outputs, f->best, out, error);
-}
-
 lg_status lg_table_fit(const lg_context *context, const double *x, uint32_t inputs, const double *y,
                        uint32_t outputs, size_t rows, const lg_table_fit_options *options, lg_program **out,
                        lg_table_fit_result *result, lg_error *error) {
@@ -98,7 +91,11 @@ lg_status lg_table_fit(const lg_context *context, const double *x, uint32_t inpu
                        f.options->starts < 1 ? "0 starts: at least one is needed"
                                              : "lg_table_fit is for regressions only");
     LG_TRY(lg_table_init(&f.model, &f.options->model, inputs, outputs, error));
-    const lg_status status = fit(&f, x, y, rows, out, error);
+    lg_status status = prepare(&f, x, y, rows, error);
+    for (uint32_t start = 0; start < f.options->starts && status == LG_OK; start++)
+        status = try_start(&f, start, error);
+    if (status == LG_OK)
+        status = lg_table_program(context, &f.model, &f.inputs, &f.outputs, f.best, out, error);
     if (status == LG_OK && result != NULL) *result = f.result;
     lg_scaler_destroy(&f.inputs);
     lg_scaler_destroy(&f.outputs);

@@ -19,18 +19,6 @@ const char *lg_table_task_name(lg_table_task task) {
 
 /* ---- description ---- */
 
-static lg_status check_widths(const lg_table_options *o, lg_error *error) {
-    if (o->hidden_count < 1 || o->hidden_count > LG_TABLE_LAYERS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%u hidden layers; 1 to %d are possible", o->hidden_count,
-                       LG_TABLE_LAYERS);
-    for (uint32_t i = 1; i < o->hidden_count; i++)
-        if (o->hidden[i] != o->hidden[0])
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "hidden layers of widths %u and %u: all must have the same width, as in 32,32",
-                           o->hidden[0], o->hidden[i]);
-    return LG_OK;
-}
-
 lg_status lg_table_init(lg_table *model, const lg_table_options *options, uint32_t inputs, uint32_t outputs,
                         lg_error *error) {
     LG_NEEDS(error, model, options);
@@ -38,7 +26,14 @@ lg_status lg_table_init(lg_table *model, const lg_table_options *options, uint32
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown task");
     if (options->task == LG_TABLE_CLASSIFICATION && outputs < 2)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes; a classification has two at least", outputs);
-    LG_TRY(check_widths(options, error));
+    if (options->hidden_count < 1 || options->hidden_count > LG_TABLE_LAYERS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%u hidden layers; 1 to %d are possible",
+                       options->hidden_count, LG_TABLE_LAYERS);
+    for (uint32_t i = 1; i < options->hidden_count; i++)
+        if (options->hidden[i] != options->hidden[0])
+            return lg_fail(error, LG_INVALID_ARGUMENT,
+                           "hidden layers of widths %u and %u: all must have the same width, as in 32,32",
+                           options->hidden[0], options->hidden[i]);
     lg_table made = {.options = *options};
     if (lg_net_init(&made.net, options->network, inputs, 0, options->hidden[0], options->hidden_count - 1,
                     outputs, options->activation) != LG_OK)

@@ -68,26 +68,3 @@ TEST("bands divide the bins among themselves") {
     assert_int_equal(lg_spectrum_create(NULL, 300, 0, &s, &error), LG_INVALID_ARGUMENT);
     assert_int_equal(lg_spectrum_create(NULL, 6, 4, &s, &error), LG_INVALID_ARGUMENT);
 }
-
-TEST("derivatives of the powers agree with differences") {
-    enum { LENGTH = 37, BANDS = 5 };
-    const lg_spectrum s = make(LENGTH, BANDS);
-    const double cotangent[BANDS] = {1, -2, 0.5, 3, 0.25}, h = 1e-3;
-    double z[LENGTH], gradient[LENGTH] = {0}, expected[LENGTH], power[BANDS];
-    double *work = TEST_ARRAY(double, lg_spectrum_work(&s));
-    lg_rng rng = test_rng(1, 1);
-    for (uint32_t t = 0; t < LENGTH; t++) z[t] = lg_rng_normal(&rng);
-    for (uint32_t t = 0; t < LENGTH; t++) { /* exact for a quadratic function */
-        const double kept = z[t];
-        expected[t] = 0;
-        for (int sign = -1; sign <= 1; sign += 2) {
-            z[t] = kept + sign * h;
-            lg_spectrum_powers(&s, z, power, work);
-            for (uint32_t b = 0; b < BANDS; b++) expected[t] += sign * cotangent[b] * power[b] / (2 * h);
-        }
-        z[t] = kept;
-    }
-    lg_spectrum_powers(&s, z, power, work);
-    lg_spectrum_reverse(&s, cotangent, gradient, work);
-    assert_all_close(gradient, expected, LENGTH, 1e-10, 1e-11);
-}

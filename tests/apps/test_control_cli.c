@@ -195,6 +195,8 @@ TEST("a policy follows the set points of a file") {
     cli_expect(control, "evaluate track.h5 --reference back.csv", 3,
                "line 3: column t: the time does not increase");
     need_regulator();
+    cli_write("long.csv", "t,x\n0,0\n1e300,1\n");
+    cli_expect(control, "evaluate track.h5 --starts 64 --reference long.csv", 3, "expected at most 1e+09");
     cli_expect(control, "evaluate lqr.h5 --reference steps.csv", 3, "tracks no coordinate");
     cli_write("track.yaml", TASK "track: [vx]\n");
     cli_expect(control, "train track.yaml --out x.h5", 3, "track: expected a position, not 'vx'");

@@ -125,6 +125,9 @@ TEST("each row of a table of starts is a member") {
     cli_write("starts.csv", "q1.x,q1.y,q1.z,g\n0,1,0,0\n0,0,1,1\n0,0,-1,2\n");
     json("pendulums.yaml --ensemble 3 --starts starts.csv --points 2 --t-end 1e-9", "members 3, failed 1");
     assert_says(result.out, "\"member\": 0");
+    assert_says(result.err, "member 0 (row 1 of starts.csv) is not allowed: ");
+    json("pendulums.yaml --ensemble 2 --starts starts.csv --points 2 --t-end 1e-9", "members 2, failed 1");
+    assert_says(result.err, "starts.csv has 3 rows: only the first 2 are used");
     cli_write("good.csv", "omega1.y\n0.5\n1.5\n-2\n");
     json("pendulums.yaml --ensemble 3 --starts good.csv --points 2 --t-end 1e-9", "members 3, failed 0");
     assert_close(at_end("omega1.y", "mean"), 0, 0, 1e-6);

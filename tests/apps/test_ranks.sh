@@ -4,6 +4,7 @@
 . "$LG_TEST_DIR/apps/ranks.sh"
 . "$LG_TEST_DIR/apps/sweeps.sh"
 make_sweeps
+forget() { rm -f one.h5 many.h5; } # a command replaces no file of another kind
 
 # The numbers of a model file, without its times.
 numbers() { lg-export "$1" --out "$2" --name m >/dev/null 2>&1 && cat "$2"/m_weights.c; }
@@ -37,6 +38,7 @@ for method in adam ssbroyden lbfgs; do
     same_model one.h5 many.h5 && same_history one.csv many.csv || fail "$method: resumed by $2 after $1 gives other bits"
 done
 # Levenberg-Marquardt for a table.
+forget
 awk 'BEGIN {print "x,y"; for (i = 0; i < 200; i++) print i / 100 "," sin(i / 20)}' >table.csv
 fit="lg-fit train table.csv --inputs x --outputs y --hidden 10 --epochs 30 --threads 1"
 $fit --out one.h5 >out 2>&1
@@ -44,6 +46,7 @@ ranks -n 3 $fit --out many.h5 >out 2>err || fail "lm: $(cat err)"
 same_model one.h5 many.h5 || fail "lm: 3 ranks give other bits"
 
 # Policies.
+forget
 cat >policy.yaml <<'E'
 columns: {time: t}
 coordinates: [{name: th, kind: angle, velocity: w}]
@@ -98,6 +101,7 @@ for kind in search study; do
 done
 
 generate="lg-anomaly generate --runs 6 --hours 0.05 --threads 1 --json"
+forget
 $generate --out one.h5 >one
 ranks -n 3 $generate --out many.h5 >many 2>err || fail "generate: $(cat err)"
 [ "$(sha one)" = "$(sha many)" ] || fail "3 ranks generate other data: $(cat many)"
@@ -115,8 +119,9 @@ ranks -n 1 lg-hamiltonian train h.h5 --out x.h5 --epochs 2 : -n 1 -x LIEGRAD_ISA
 
 # Ctrl-C saves the state, and training resumed from it reaches the same bits.
 train="lg-hamiltonian train h.h5 --hidden 12,12 --method adam --epochs 4000 --threads 1 --shards 4"
+forget
 $train --out one.h5 >out 2>&1
-rm -f c.h5 many.h5
+rm -f c.h5
 mpirun --oversubscribe -n 2 $train --out many.h5 --checkpoint c.h5 --checkpoint-every 50 >out 2>err &
 job=$!
 for i in $(seq 3000); do [ ! -e c.h5 ] || break; sleep 0.1; done

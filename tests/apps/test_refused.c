@@ -750,6 +750,9 @@ static const refusal identify[] = {
     {"generate one.yaml --out g.csv", 3, "--runs 1"},
     {"generate one.yaml --out g.csv --runs 1 --excitation log.csv", 2, "the machine has no inputs"},
     {"generate driven.yaml --out g.csv --excitation none.csv", 3, "none.csv"},
+    {"generate driven.yaml --out g.csv --excitation single.csv", 3,
+     "two rows or more whose time rises, but there are 1"},
+    {"generate driven.yaml --out g.csv --excitation long.csv", 2, "more than 1e+09 rows"},
     {"generate driven.yaml --out g.csv --excitation {steps:0 steps:-1 steps:x multisine:}", 2,
      "expected a number above 0"},
     {"generate driven.yaml --out g.csv --amplitude 1,2", 2, "--amplitude: 2 numbers"},
@@ -764,6 +767,8 @@ TEST("lg-identify refuses wrong command lines and files with exit code and messa
     cli_write("driven.yaml", test_text("columns: {run: run}\n%s%sinputs: {columns: [u]}\n"
                                        "input_map: {kind: known, values: [[1]]}\n",
                                        line, known));
+    cli_write("single.csv", "t,u\n0,1\n");
+    cli_write("long.csv", "t,u\n0,1\n1e300,1\n");
     RUN("lg-identify", "generate one.yaml --out log.csv --runs 1");
     REFUSE("lg-identify", identify);
 }

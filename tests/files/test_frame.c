@@ -443,8 +443,8 @@ static void keep(void *user, lg_log_level level, const char *message) {
 TEST("data sets that are no columns, and a last line that may be cut, are named in one warning") {
     static const char misfits[] =
         "left out of the columns: /cube has 3 dimensions, /far is a link that leads "
-        "nowhere or out of the file, /list has neither a number nor a text in each "
-        "row, /lost is a link that leads nowhere or out of the file, /words is a "
+        "nowhere or out of the file, or of a newer HDF5, /list has neither a number nor a text in each "
+        "row, /lost is a link that leads nowhere or out of the file, or of a newer HDF5, /words is a "
         "matrix, but not of numbers\n";
     static const struct {
         const char *text; /* NULL: HDF5 */

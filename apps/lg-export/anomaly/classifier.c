@@ -2,7 +2,6 @@
  * below code/classifier compute the features, functions of the classifier's program everything else. */
 #include "lg-export/anomaly/classifier.h"
 
-#include <math.h>
 #include <string.h>
 
 enum { STACK = 1024, NAMED_FEATURES = 64 };
@@ -13,22 +12,11 @@ static bool is_svm(const lg_classifier *c) {
 
 /* ---- arrays ---- */
 
-/* Adds the tables of the spectrum. Columns of s->wave hold cosines and sines times the taper; the taper and
- * all angles are computed from the columns of the first bin. */
 static void add_spectrum(const classifier_job *j) {
     const lg_spectrum *s = &j->c->features.spectrum;
-    APP_FREE double *taper = app_alloc(s->segment, sizeof *taper),
-                    *cosine = app_alloc(s->segment, sizeof *cosine),
-                    *sine = app_alloc(s->segment, sizeof *sine);
-    for (size_t t = 0; t < s->segment; t++) {
-        const double *row = s->wave + t * 2 * s->bins;
-        taper[t] = hypot(row[0], row[s->bins]);
-        cosine[t] = row[0] / taper[t];
-        sine[t] = row[s->bins] / taper[t];
-    }
-    export_array(j->source, "taper", "window of a segment (segment)", taper, s->segment);
-    export_array(j->source, "cosine", "of 2 pi t/segment", cosine, s->segment);
-    export_array(j->source, "sine", "of 2 pi t/segment", sine, s->segment);
+    export_array(j->source, "taper", "window of a segment (segment)", s->taper, s->segment);
+    export_array(j->source, "cosine", "of 2 pi t/segment", s->cosine, s->segment);
+    export_array(j->source, "sine", "of 2 pi t/segment", s->sine, s->segment);
     export_integers(j->source, "edge", "the first frequency of each band, and the end (bands + 1)", s->edge,
                     (size_t)s->bands + 1);
     export_constant(j->source, "SEGMENT", s->segment);
@@ -159,6 +147,7 @@ static void add_fragments(const classifier_job *j) {
     } fragments[] = {{"rolled", true},
                      {"features_centre", centred},
                      {"features_cov_factor", kind == LG_FEATURES_COV},
+                     {"features_segment", kind == LG_FEATURES_SPECTRUM},
                      {kinds[kind], true},
                      {"features_deviation_vjp", slopes && deviations},
                      {vjp, slopes},

@@ -239,18 +239,19 @@ static double condition_of(drawing *d) {
 static bool draw(drawing *d, size_t v, double spread, const double *size) {
     const classifier_job *j = d->j;
     export_golden *golden = &j->source->golden;
-    double *x = golden->x + v * j->source->inputs, *extra = golden->extra + v * golden->extras;
+    const size_t scores = j->c->classes + 1;
+    double *x = golden->x + v * j->source->inputs, *score = golden->further[0].values + v * scores;
     double *y = golden->y + v * j->outputs;
     double *jacobian = golden->jacobian + v * j->outputs * j->source->inputs;
     draw_like_training(d, spread);
     for (size_t i = 0; i < j->source->inputs; i++) x[i] = d->window[i];
     if (!decide_with_jacobian(d, y, jacobian)) return false;
-    if (golden->extras > j->c->classes + 1)
-        for (size_t i = 0; i < j->d; i++) extra[j->c->classes + 1 + i] = d->feature[i] * size[i];
-    lg_classifier_score(j->c, d->feature, extra, d->work);
-    extra[j->c->classes] = lg_metrics_class(extra, j->c->classes);
+    for (size_t i = 0; i < golden->further[1].size; i++)
+        golden->further[1].values[v * j->d + i] = d->feature[i] * size[i];
+    lg_classifier_score(j->c, d->feature, score, d->work);
+    score[j->c->classes] = lg_metrics_class(score, j->c->classes);
     lg_pca_eval(&j->c->pca, d->feature, 1, d->made, d->work);
-    return export_window_clear(extra, j->c->classes) && is_decided(j, d->made) &&
+    return export_window_clear(score, j->c->classes) && is_decided(j, d->made) &&
            (j->c->features.kind != LG_FEATURES_COV || is_steady(d, jacobian));
 }
 
@@ -283,8 +284,10 @@ void classifier_golden(const classifier_job *j) {
     bool drawn = true;
     for (size_t i = 0; i < j->d; i++)
         size[i] = export_round(j->source->options, 1 / (fabs(c->pca.mean[i]) + c->pca.scale[i]));
-    export_window_golden(j->source, c->classes + 1 + (compares_features(j) ? j->d : 0),
-                         compares_features(j) ? "scores, class, features" : "scores, class");
+    const size_t features = compares_features(j) ? j->d : 0;
+    export_window_golden(j->source, c->classes + 1 + features);
+    (void)export_golden_further(j->source, c->classes + 1, "scores, class");
+    (void)export_golden_further(j->source, features, features > 0 ? "scores, class, features" : NULL);
     lg_rng_seed(&d.rng, j->source->options->seed, GOLDEN_STREAM);
     if (c->method != LG_METHOD_TREE) j->source->condition = condition_of(&d);
     lg_rng_seed(&d.rng, j->source->options->seed, GOLDEN_STREAM);

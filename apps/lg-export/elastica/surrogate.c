@@ -248,12 +248,8 @@ static void write_places(export_source *source, const double *places, bool place
     export_test_code(source, "test_surrogate");
 }
 
-static size_t curve_extras(const export_model *m) {
-    return 4 * (size_t)PLACES;
-}
-
 /* Compares the curve at both ends, at a node, and within the first and the last interval. */
-static lg_status curve_golden(export_model *m, size_t at) {
+static lg_status curve_golden(export_model *m) {
     export_source *source = m->source;
     const lg_surrogate *model = &file_of(m)->run.model;
     const double length = model->length, interval = length / model->intervals;
@@ -268,11 +264,11 @@ static lg_status curve_golden(export_model *m, size_t at) {
     APP_FREE void *work = app_alloc(lg_surrogate_curves_work_size(curves), 1);
     for (size_t i = 0; i < PLACES; i++) places[i] = export_round(source->options, share[i]);
     write_places(source, places, place, scale);
-    for (size_t i = 0; i < source->golden.count; i++) {
-        double *extra = export_extra(m, at, i);
-        lg_surrogate_curve(curves, source->golden.x + source->inputs * i + place, places, PLACES, extra,
-                           extra + 2 * PLACES, work);
-        for (size_t k = 0; k < 2 * PLACES; k++) extra[2 * PLACES + k] *= scale;
+    double *q = export_golden_further(source, 4 * (size_t)PLACES, "curve");
+    for (size_t i = 0; i < source->golden.count; i++, q += 4 * (size_t)PLACES) {
+        double *v = q + 2 * PLACES;
+        lg_surrogate_curve(curves, source->golden.x + source->inputs * i + place, places, PLACES, q, v, work);
+        for (size_t k = 0; k < 2 * PLACES; k++) v[k] *= scale;
     }
     lg_surrogate_curves_destroy(curves);
     return LG_OK;
@@ -286,8 +282,8 @@ static bool has_nodes(const export_model *m) {
 
 #define CURVE(its_fits, ...)                                                                                 \
     {                                                                                                        \
-        .functions = {__VA_ARGS__}, .fits = its_fits, .code = curve_code, .extras = curve_extras,            \
-        .golden = curve_golden, .extra_name = "curve", .stack = 2048, .calls = 6                             \
+        .functions = {__VA_ARGS__}, .fits = its_fits, .code = curve_code, .golden = curve_golden,            \
+        .stack = 2048, .calls = 6                                                                            \
     }
 const export_face export_face_points = CURVE(is_beam, {"point", "point", false}, {"place", "place", false});
 const export_face export_face_angle =

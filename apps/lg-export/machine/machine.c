@@ -43,11 +43,6 @@ static void draw(export_model *m, double *x, size_t v_at) {
         x[m->dim - machine->lags + k] = draw_input(m, machine->lagged[k]);
 }
 
-/* Lags and bristles move exactly, not by the scheme. */
-static bool steps_alone(const export_model *m) {
-    return run_of(m)->machine.lags > 0 || run_of(m)->machine.bristles > 0;
-}
-
 /* ---- description in NAME.h ---- */
 
 static void tell_training(const export_model *m) {
@@ -95,5 +90,4 @@ const export_kind export_kind_machine = {.recipe = &lg_recipe_machine_model,
                                          .words = export_machine_words,
                                          .draw = draw,
                                          .draw_input = draw_input,
-                                         .steps_alone = steps_alone,
                                          .tell = tell};

@@ -179,27 +179,23 @@ static void warn_opposite(export_loop *l) {
 
 /* The plant in double precision, as static functions that begin with NAME_plant_. */
 static void add_plant(const export_policy_job *j, text *to) {
-    static const char *const names[] = {"period", "positions", "velocities"};
-    static const bool hidden[LG_COUNT(names)] = {true, true, true};
-    size_t functions[LG_COUNT(names)];
-    lg_c_options how;
-    lg_c_source *c;
-    lg_c_options_init(&how);
     APP_FREE char *name = app_format("%s_plant", j->source->options->name);
-    how.name = name;
-    how.functions = functions;
-    how.function_count = j->velocities > 0 ? LG_COUNT(names) : 1;
-    how.hidden = hidden;
-    how.compact = true;
-    for (size_t i = 0; i < how.function_count; i++)
-        (void)lg_program_find(j->program, names[i], &functions[i], NULL);
-    EXPORT_MUST(j, lg_program_write_c(j->program, &how, &c, &error));
+    const export_options options = {.name = name, .dtype = LG_F64};
+    export_function functions[] = {{.function = "period", .hidden = true},
+                                   {.function = "positions", .hidden = true},
+                                   {.function = "velocities", .hidden = true}};
+    export_source plant;
+    lg_c_source *c;
+    export_source_begin(&plant, &options);
+    EXPORT_MUST(j, export_c(&plant, j->program, functions, j->velocities > 0 ? LG_COUNT(functions) : 1, true,
+                            0, &c, &error));
     lg_text_add(to, "/* ---- the plant, for the closed loop: always in double precision ---- */\n\n%s\n",
                 c->sizes);
     /* The code calls its type of numbers `real`, which is the controller's type here. */
     lg_text_add(to, "#define real double_of_plant\n%s\n%s\n%s\n#undef real\n\n", c->arrays, c->weights,
                 c->code);
     lg_c_source_destroy(c);
+    export_source_free(&plant);
 }
 
 static void add_sizes(const export_policy_job *j, const golden *g, text *to) {

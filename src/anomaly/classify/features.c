@@ -1,5 +1,5 @@
 /* Features of windows: the table of kinds and the choice of channels. Computation, derivative and names of
- * each kind are in features_code.c, features_spectrum.c and features_rocket.c. */
+ * each kind are in features_code.c and features_rocket.c. */
 #include "anomaly/classify/features.h"
 
 #include <math.h>
@@ -61,7 +61,7 @@ static void choose_channels(const lg_series *series, bool directions_x, lg_featu
 }
 
 uint64_t lg_features_count(const lg_features *f) {
-    return kinds[f->kind]->count(f);
+    return kinds[f->kind]->sizes(f).count;
 }
 
 static lg_status check_create(lg_feature_kind kind, const lg_series *series, uint32_t length,
@@ -158,7 +158,7 @@ static size_t window_size(const lg_features *f) {
 
 size_t lg_features_work_size(const lg_features *f) {
     const lg_feature_row *kind = kinds[f->kind];
-    return (kind->work(f) + (kind->code != NULL ? window_size(f) : 0)) * sizeof(double);
+    return (kind->sizes(f).work + (kind->code != NULL ? window_size(f) : 0)) * sizeof(double);
 }
 
 lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work) {
@@ -182,7 +182,6 @@ void lg_features_reverse(const lg_features *features, const double *cotangent, d
     const size_t n = window_size(features);
     memset(gradient, 0, n * sizeof *gradient);
     if (kind->vjp != NULL) kind->vjp(features, work, cotangent, gradient, work + n);
-    if (kind->reverse != NULL) kind->reverse(features, cotangent, work, gradient);
 }
 
 int lg_channel_name(const lg_series *series, uint32_t channel, char *text, size_t size) {

@@ -5,6 +5,11 @@
 
 #include "anomaly/classify/classify_internal.h"
 
+/* Number of features; length of `work` in doubles. */
+typedef struct lg_feature_sizes {
+    uint64_t count, work;
+} lg_feature_sizes;
+
 typedef struct lg_feature_row {
     const char *name;
     /* Number of parts into which a window is cut, for kinds that work on pairs of channels. 0: the kind does
@@ -12,16 +17,13 @@ typedef struct lg_feature_row {
     uint32_t segments;
     /* Largest number of frequency bands, for kinds that use band powers. 0: the kind does not use powers. */
     uint32_t bands;
-    uint64_t (*count)(const lg_features *f); /* number of features */
-    size_t (*work)(const lg_features *f);    /* length of `work` in doubles */
-    /* Either `code` and `vjp` (features_code.c), for a window x in double precision, or `compute` and
-     * `reverse`. vjp and reverse come after code and compute, with the same `work`. They add the derivative
-     * for the cotangent df or cotangent (d) of the features to dx or gradient (channels, length). `reverse`
-     * NULL: it is 0. */
+    lg_feature_sizes (*sizes)(const lg_features *f);
+    /* Either `code` and `vjp` (features_code.c), for a window x in double precision, or `compute`, whose
+     * features have the derivative 0. vjp comes after code, with the same `work`. It adds the derivative for
+     * the cotangent df to dx. */
     void (*code)(const lg_features *f, const double *x, double *out, double *work);
     void (*vjp)(const lg_features *f, const double *x, const double *df, double *dx, double *work);
     lg_status (*compute)(const lg_features *f, const float *x, double *out, double *work);
-    void (*reverse)(const lg_features *f, const double *cotangent, double *work, double *gradient);
     /* Writes the name of feature `index` and returns its length as snprintf does. */
     int (*describe)(const lg_features *f, const lg_series *series, uint32_t index, char *text, size_t size);
 } lg_feature_row;
@@ -51,9 +53,6 @@ size_t lg_rocket_values(const lg_features *features, const lg_rocket_convolution
                         const uint32_t *channel, const float *x, double *work, float **y, double *unit);
 
 /* ---- parts of all kinds ---- */
-
-/* z (length) becomes (x - mean of x)/scale. Returns the standard deviation of z with the divisor `length`. */
-double lg_centre(const float *x, size_t length, double scale, double *z);
 
 /* Writes the name of a channel, or its number if it has no name, as snprintf does. */
 int lg_channel_name(const lg_series *series, uint32_t channel, char *text, size_t size);

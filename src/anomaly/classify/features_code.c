@@ -1,5 +1,6 @@
-/* Features whose C is also what lg-export writes: samples, deviations, the root of the covariance, and the
- * baseline. In exported code the files below code/ have the sizes of one window as constants; here the same
+/* Features whose C is also what lg-export writes: samples, deviations, the root of the covariance, the
+ * baseline, and powers of frequency bands (which exported code computes without the table of the waves). In
+ * exported code the files below code/ have the sizes of one window as constants; here the same
  * names read them from lg_features. work: the window in double precision, then the memory of that code. */
 #include <float.h>
 #include <math.h>
@@ -28,68 +29,77 @@ typedef double real;
 #include "anomaly/classify/code/features_cov_factor.c"
 #include "anomaly/classify/code/features_deviation_vjp.c"
 
-#define compute_features compute_raw
-#define features_vjp     raw_vjp
+/* The code of every kind has the same two names, which begin with the kind here. */
+#define JOINED(a, b)     a##b
+#define JOIN(a, b)       JOINED(a, b)
+#define compute_features JOIN(OWN, _compute)
+#define features_vjp     JOIN(OWN, _vjp)
+#define OWN              raw
 #include "anomaly/classify/code/features_raw.c"
 #include "anomaly/classify/code/features_raw_vjp.c"
-#undef compute_features
-#undef features_vjp
-#define compute_features compute_std
-#define features_vjp     std_vjp
+#undef OWN
+#define OWN std
 #include "anomaly/classify/code/features_std.c"
 #include "anomaly/classify/code/features_std_vjp.c"
-#undef compute_features
-#undef features_vjp
-#define compute_features compute_cov
-#define features_vjp     cov_vjp
+#undef OWN
+#define OWN cov
 #include "anomaly/classify/code/features_cov.c"
 #include "anomaly/classify/code/features_cov_vjp.c"
-#undef compute_features
-#undef features_vjp
-#define compute_features compute_baseline
-#define features_vjp     baseline_vjp
+#undef OWN
+#define OWN baseline
 #include "anomaly/classify/code/features_baseline.c"
 #include "anomaly/classify/code/features_baseline_vjp.c"
+#undef OWN
+#undef SEGMENTS
+#define OWN         spectrum
+#define SEGMENTS    ((int)self->spectrum.segments)
+#define SEGMENT     ((int)self->spectrum.segment)
+#define HOP         ((int)self->spectrum.hop)
+#define BANDS       ((int)self->bands)
+#define NAME_edge   ((const int *)self->spectrum.edge)
+#define NAME_taper  self->spectrum.taper
+#define NAME_cosine self->spectrum.cosine
+#define NAME_sine   self->spectrum.sine
+#include "anomaly/classify/code/features_segment.c"
+#include "anomaly/classify/code/features_spectrum_vjp.c"
 
-double lg_centre(const float *x, size_t length, double scale, double *z) {
-    for (size_t i = 0; i < length; i++) z[i] = (double)x[i];
-    return centre_numbers((int)length, 1.0 / scale, z, z);
+/* Logarithms of powers, in the first numbers of `work` as in the exported code; the waves lie behind them. */
+static void spectrum_compute(const lg_features *self, const double *x, double *f, double *work) {
+    double *inverse = work + 2 * NAME_LENGTH + SEGMENT, *waves = inverse + SELECTED * BANDS;
+    for (int i = 0; i < SELECTED; i++, f += BANDS, inverse += BANDS) {
+        const uint32_t channel = NAME_select[i];
+        (void)centre_numbers(NAME_LENGTH, INVERSE_SCALE(channel), x + channel * NAME_LENGTH, work);
+        lg_spectrum_powers(&self->spectrum, work, f, waves);
+        for (int b = 0; b < BANDS; b++) {
+            inverse[b] = 1.0 / (f[b] + LG_FEATURES_FLOOR);
+            f[b] = log(f[b] + LG_FEATURES_FLOOR);
+        }
+    }
 }
 
 /* ---- numbers of features, and of work memory ---- */
 
-static uint64_t raw_count(const lg_features *f) {
-    return (uint64_t)f->selected * f->length;
+static lg_feature_sizes raw_sizes(const lg_features *f) {
+    return (lg_feature_sizes){(uint64_t)f->selected * f->length, 0};
 }
 
-static uint64_t std_count(const lg_features *f) {
-    return f->selected;
+static lg_feature_sizes std_sizes(const lg_features *f) {
+    return (lg_feature_sizes){f->selected, f->length};
 }
 
-static uint64_t cov_count(const lg_features *f) {
+static lg_feature_sizes cov_sizes(const lg_features *f) {
     const uint64_t m = f->selected;
-    return m * (m + 1) / 2;
+    return (lg_feature_sizes){m * (m + 1) / 2, m * (f->length + 3 * m + 2)};
 }
 
-static uint64_t baseline_count(const lg_features *f) {
-    return 2 * (uint64_t)f->pairs;
+static lg_feature_sizes baseline_sizes(const lg_features *f) {
+    return (lg_feature_sizes){2 * (uint64_t)f->pairs, f->length + 2 * (uint64_t)f->segments * f->pairs};
 }
 
-static size_t raw_work(const lg_features *f) {
-    return 0;
-}
-
-static size_t std_work(const lg_features *f) {
-    return f->length;
-}
-
-static size_t cov_work(const lg_features *f) {
-    const size_t m = f->selected;
-    return m * (f->length + 3 * m + 2);
-}
-
-static size_t baseline_work(const lg_features *f) {
-    return f->length + 2 * (size_t)f->segments * f->pairs;
+static lg_feature_sizes spectrum_sizes(const lg_features *f) {
+    const lg_spectrum *s = &f->spectrum;
+    const uint64_t count = (uint64_t)f->selected * f->bands;
+    return (lg_feature_sizes){count, 2 * (uint64_t)f->length + s->segment + count + lg_spectrum_work(s)};
 }
 
 /* ---- names ---- */
@@ -130,11 +140,22 @@ static int describe_baseline(const lg_features *f, const lg_series *series, uint
     return describe_two(index % 2 == 0 ? "intercept" : "slope", pair[1], pair[0], series, text, size);
 }
 
+/* Bin k covers the frequencies (k - 1/2)/segment .. (k + 1/2)/segment, in cycles per sample. The last bin
+ * ends at 1/2. */
+static int describe_spectrum(const lg_features *f, const lg_series *series, uint32_t index, char *text,
+                             size_t size) {
+    const lg_spectrum *s = &f->spectrum;
+    const uint32_t band = index % f->bands;
+    char name[LG_SERIES_NAME];
+    (void)lg_channel_name(series, f->select[index / f->bands], name, sizeof name);
+    return lg_format(text, size, "band %.3g-%.3g %s", (s->edge[band] - 0.5) / s->segment,
+                     fmin((s->edge[band + 1] - 0.5) / s->segment, 0.5), name);
+}
+
 #define KIND(kind, ...)                                                                                      \
     const lg_feature_row lg_feature_##kind = {.name = #kind,                                                 \
-                                              .count = kind##_count,                                         \
-                                              .work = kind##_work,                                           \
-                                              .code = compute_##kind,                                        \
+                                              .sizes = kind##_sizes,                                         \
+                                              .code = kind##_compute,                                        \
                                               .vjp = kind##_vjp,                                             \
                                               .describe = describe_##kind,                                   \
                                               __VA_ARGS__}
@@ -142,3 +163,4 @@ KIND(raw, );
 KIND(std, );
 KIND(cov, );
 KIND(baseline, .segments = 10);
+KIND(spectrum, .bands = 8);

@@ -166,10 +166,10 @@ size_t lg_rocket_values(const lg_features *f, const lg_rocket_convolution *c, co
     return n;
 }
 
-static uint64_t rocket_count(const lg_features *f) {
+static lg_feature_sizes rocket_sizes(const lg_features *f) {
     uint64_t count = 0;
     for (uint32_t i = 0; i < f->rocket.count; i++) count += f->rocket.convolution[i].features;
-    return count;
+    return (lg_feature_sizes){count, lg_rocket_work_doubles(f)};
 }
 
 static int describe_rocket(const lg_features *f, const lg_series *series, uint32_t index, char *text,
@@ -192,11 +192,8 @@ static int describe_rocket(const lg_features *f, const lg_series *series, uint32
                      (double)bias, c->kernel < LG_ROCKET_CHOICES ? " rms" : "");
 }
 
-const lg_feature_row lg_feature_rocket = {.name = "rocket",
-                                          .count = rocket_count,
-                                          .work = lg_rocket_work_doubles,
-                                          .compute = compute_rocket,
-                                          .describe = describe_rocket};
+const lg_feature_row lg_feature_rocket = {
+    .name = "rocket", .sizes = rocket_sizes, .compute = compute_rocket, .describe = describe_rocket};
 
 /* ---- memory and files ---- */
 

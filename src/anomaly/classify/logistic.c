@@ -348,11 +348,6 @@ static void span_free(const lg_context *context, span *s) {
     LG_FREE_ALL(context, s->qr, s->tau, s->work);
 }
 
-static void column_means(const double *x, size_t n, size_t d, double *mean) {
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < d; j++) mean[j] += x[i * d + j] / (double)n;
-}
-
 static lg_status take_span(const lg_context *context, const double *x, const double *mean, size_t n, size_t d,
                            span *s, double *out) {
     s->lwork = 64 * (int)n;
@@ -423,7 +418,7 @@ static lg_status solve(problem *p, const double *x, const uint32_t *label, const
                        span *s, lg_logistic *model) {
     const size_t d = model->inputs;
     LG_TRY(problem_allocate(p));
-    column_means(x, p->n, d, mean);
+    lg_column_means(x, p->n, d, mean);
     if (d >= p->n)
         LG_TRY(take_span(p->context, x, mean, p->n, d, s, p->x));
     else

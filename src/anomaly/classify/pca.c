@@ -28,19 +28,26 @@ lg_status lg_check_table(const double *x, size_t n, uint32_t d, lg_error *error)
 
 lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, size_t *counts,
                           lg_error *error) {
-    uint32_t present = 0;
-    memset(counts, 0, classes * sizeof *counts);
+    bool differ = false;
+    if (counts != NULL) memset(counts, 0, classes * sizeof *counts);
     for (size_t i = 0; i < n; i++) {
         if (label[i] >= classes)
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "row %zu is of class %u (counted from 0), but there are %u classes", i, label[i],
                            classes);
-        if (counts[label[i]]++ == 0) present++;
+        if (counts != NULL) counts[label[i]]++;
+        differ = differ || label[i] != label[0];
     }
-    if (present < 2)
+    if (!differ)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "all %zu rows are of one class: there is nothing to tell apart", n);
     return LG_OK;
+}
+
+void lg_column_means(const double *x, size_t n, size_t d, double *mean) {
+    memset(mean, 0, d * sizeof *mean);
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < d; j++) mean[j] += x[i * d + j] / (double)n;
 }
 
 /* ---- standardisation ---- */

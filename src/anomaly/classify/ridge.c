@@ -58,9 +58,7 @@ static size_t few_rows(const ridge *r) {
 /* ---- centring ---- */
 
 static void centre_columns(double *x, size_t n, size_t d, double *mean) {
-    memset(mean, 0, d * sizeof *mean);
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < d; j++) mean[j] += x[i * d + j] / (double)n;
+    lg_column_means(x, n, d, mean);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < d; j++) x[i * d + j] -= mean[j];
 }
@@ -381,20 +379,13 @@ static lg_status take_memory(ridge *r, lg_logistic *out, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status check(const lg_context *context, const double *x, const uint32_t *label, size_t n,
-                       uint32_t d, uint32_t classes, int threads, lg_error *error) {
-    if (threads < 1)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%d threads: at least one is needed", threads);
-    LG_TRY(lg_check_table(x, n, d, error));
-    LG_TRY_SCRATCH(size_t, counts, context, classes,
-                   lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes));
-    return lg_check_labels(label, n, classes, counts, error);
-}
-
 lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *label, size_t n, uint32_t d,
                        uint32_t classes, int threads, lg_logistic *out, lg_error *error) {
     LG_NEEDS(error, x, label, out);
-    LG_TRY(check(context, x, label, n, d, classes, threads, error));
+    if (threads < 1)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%d threads: at least one is needed", threads);
+    LG_TRY(lg_check_table(x, n, d, error));
+    LG_TRY(lg_check_labels(label, n, classes, NULL, error));
     LG_CLEAN(lg_logistic_destroy)
     lg_logistic made = {.inputs = d, .classes = classes, .context = context};
     ridge r = {.context = context, .n = n, .d = d, .targets = classes == 2 ? 1 : classes, .x = x};

@@ -48,17 +48,6 @@ static const char *parse_block(const char *text, lg_cnn_block *b) {
     return good ? text + strspn(text, " ") : NULL;
 }
 
-static bool parse_blocks(const char *text, lg_cnn *net) {
-    net->blocks = 0;
-    if (text[strspn(text, " ")] == '\0') return true;
-    while (text != NULL && net->blocks < LG_CNN_MAX_BLOCKS) {
-        text = parse_block(text, &net->block[net->blocks++]);
-        if (text != NULL && *text == '\0') return true;
-        text = text != NULL && *text == ',' ? text + 1 : NULL;
-    }
-    return false;
-}
-
 /* ---- the run ---- */
 
 #define FACT(group, name, type, member, ...) LG_FACT(lg_detector_run, group, name, type, member, __VA_ARGS__)
@@ -75,14 +64,22 @@ static const lg_field facts[] = {FACT("model", "channels", U32, model.net.channe
 static const lg_detector_run defaults = {.training = {.shards = 4}};
 
 static lg_status read_blocks(lg_h5 *h5, void *user, lg_error *error) {
+    lg_cnn *net = &((lg_detector_run *)user)->model.net;
     char text[LG_H5_TEXT];
     const lg_status status = lg_h5_text(h5, "model", "blocks", text, sizeof text, error);
     if (status != LG_OK && status != LG_SHAPE) return lg_as_format(status, error);
-    if (status == LG_OK && parse_blocks(text, &((lg_detector_run *)user)->model.net)) return LG_OK;
-    return lg_fail(error, LG_FORMAT,
-                   "%s: /model: attribute blocks: expected up to %d as '12 kernel 5 stride 1 padding 0 "
-                   "average 2/2, ...'",
-                   lg_shown_path(h5->path), LG_CNN_MAX_BLOCKS);
+    const char *at = status == LG_OK ? text : NULL;
+    net->blocks = 0;
+    if (at != NULL && at[strspn(at, " ")] == '\0') return LG_OK;
+    while (at != NULL && net->blocks < LG_CNN_MAX_BLOCKS) {
+        at = parse_block(at, &net->block[net->blocks++]);
+        if (at != NULL && *at == '\0') return LG_OK;
+        at = at != NULL && *at == ',' ? at + 1 : NULL;
+    }
+    return lg_h5_fail(h5, error,
+                      "/model: attribute blocks: expected up to %d as '12 kernel 5 stride 1 padding 0 "
+                      "average 2/2, ...'",
+                      LG_CNN_MAX_BLOCKS);
 }
 
 static lg_status make(void *user, lg_error *why) {

@@ -66,12 +66,6 @@ static void close_data(lg_training *self) {
 
 /* ---- the run ---- */
 
-static bool any_given(const lg_training *self, const char *const *options, size_t count) {
-    for (size_t i = 0; i < count; i++)
-        if (self->given(self, options[i])) return true;
-    return false;
-}
-
 /* Applies the options that the user has given for all blocks. */
 static void adopt_block(const lg_training *self, lg_cnn_block *block) {
     const lg_detector_state *s = self->state;
@@ -106,7 +100,9 @@ static void default_blocks(const lg_training *self, lg_cnn *net) {
 static void build_blocks(const lg_training *self, bool fresh, lg_cnn *net) {
     static const char *const options[] = {"filters", "kernel", "stride", "pooling"};
     const lg_detector_state *s = self->state;
-    if (!any_given(self, options, LG_COUNT(options))) return;
+    bool any = false;
+    for (size_t i = 0; i < LG_COUNT(options); i++) any = any || self->given(self, options[i]);
+    if (!any) return;
     const bool filters = self->given(self, "filters");
     if (fresh && !filters) {
         default_blocks(self, net);
@@ -316,17 +312,13 @@ void lg_detector_tell(lg_training *self, const lg_judgement *judged, uint64_t ho
                       char (*class_name)[LG_SERIES_NAME]) {
     const lg_metrics *metrics = &judged->metrics;
     const char *mean = judged->classes == 2 ? NULL : "mean over the classes";
-    lg_result_real(self, "accuracy", metrics->accuracy, NULL);
-    lg_result_real(self, "precision", metrics->precision, mean);
-    lg_result_real(self, "recall", metrics->recall, mean);
-    lg_result_real(self, "f1", metrics->f1, mean);
-    lg_result_real(self, "auc", judged->auc, NULL);
-    lg_result_real(self, "false_positive_rate", metrics->false_positive_rate, NULL);
-    lg_result_real(self, "false_alarms_per_day", lg_judgement_alarms(judged, hop, rate), "window by window");
-    lg_result_add(self,
-                  LG_AS_CONFUSION("confusion", judged->count > 0 ? judged->confusion : NULL, judged->classes,
-                                  class_name),
-                  NULL);
+    LG_TELL(self, LG_REAL("accuracy", metrics->accuracy, NULL),
+            LG_REAL("precision", metrics->precision, mean), LG_REAL("recall", metrics->recall, mean),
+            LG_REAL("f1", metrics->f1, mean), LG_REAL("auc", judged->auc, NULL),
+            LG_REAL("false_positive_rate", metrics->false_positive_rate, NULL),
+            LG_REAL("false_alarms_per_day", lg_judgement_alarms(judged, hop, rate), "window by window"),
+            LG_AS_CONFUSION("confusion", judged->count > 0 ? judged->confusion : NULL, judged->classes,
+                            class_name));
 }
 
 void lg_detector_tell_training(lg_training *self, const char *method, uint32_t classes,
@@ -334,26 +326,21 @@ void lg_detector_tell_training(lg_training *self, const char *method, uint32_t c
     const lg_detector_state *s = self->state;
     const lg_detector_run *run = self->run;
     const lg_series *series = &s->all.data.series;
-    lg_result_real(self, "train_accuracy", s->train_judged.metrics.accuracy, "of the training part");
-    lg_result_real(self, "train_f1", s->train_judged.metrics.f1, "of the training part");
-    lg_result_real(self, "train_seconds", self->seconds, NULL);
-    lg_result_real(self, "test_seconds", s->judged.seconds, NULL);
-    lg_result_text(self, "method", method, NULL);
-    lg_result_texts(self, "classes", class_name[0], LG_SERIES_NAME, classes);
-    lg_result_whole(self, "channels", series->channels, NULL);
-    lg_result_whole(self, "window", run->window, "samples");
-    lg_result_whole(self, "hop", run->hop, "samples");
-    lg_result_real(self, "rate", series->rate > 0 ? series->rate : (double)NAN, "samples per second");
-    lg_result_whole(self, "windows", s->all.windows.count, NULL);
-    lg_result_whole(self, "train_windows", s->train.count, NULL);
-    lg_result_whole(self, "validation_windows", s->validation.count, NULL);
-    lg_result_whole(self, "test_windows", s->tested.count, NULL);
-    lg_result_text(self, "test", s->test, NULL);
-    lg_result_text(self, "data_sha256", run->data_sha256, NULL);
+    LG_TELL(self, LG_REAL("train_accuracy", s->train_judged.metrics.accuracy, "of the training part"),
+            LG_REAL("train_f1", s->train_judged.metrics.f1, "of the training part"),
+            LG_REAL("train_seconds", self->seconds, NULL), LG_REAL("test_seconds", s->judged.seconds, NULL),
+            LG_TEXT("method", method, NULL), LG_AS_TEXTS("classes", class_name, classes),
+            LG_WHOLE("channels", series->channels, NULL), LG_WHOLE("window", run->window, "samples"),
+            LG_WHOLE("hop", run->hop, "samples"),
+            LG_REAL("rate", series->rate > 0 ? series->rate : (double)NAN, "samples per second"),
+            LG_WHOLE("windows", s->all.windows.count, NULL), LG_WHOLE("train_windows", s->train.count, NULL),
+            LG_WHOLE("validation_windows", s->validation.count, NULL),
+            LG_WHOLE("test_windows", s->tested.count, NULL), LG_TEXT("test", s->test, NULL),
+            LG_TEXT("data_sha256", run->data_sha256, NULL));
 }
 
 static void tell_network(lg_training *self, const lg_cnn *net) {
-    lg_result_whole(self, "parameters", lg_cnn_parameters(net), NULL);
+    LG_TELL(self, LG_WHOLE("parameters", lg_cnn_parameters(net), NULL));
     lg_result_open(self, "blocks", '[');
     for (uint32_t i = 0; i < net->blocks; i++) {
         const lg_cnn_block *block = &net->block[i];
@@ -380,14 +367,13 @@ static lg_status judge(lg_training *self, double *theta, lg_error *error) {
     LG_TRY(judge_units(self, theta, &dead, error));
     lg_detector_tell(self, &s->judged, run->hop, series->rate, series->class_name);
     lg_detector_tell_training(self, "cnn", series->classes, series->class_name);
-    lg_result_real(self, "mse", s->judged.mse, "of the test part");
-    lg_result_real(self, "train_mse", s->train_judged.mse, "of the training part");
+    LG_TELL(self, LG_REAL("mse", s->judged.mse, "of the test part"),
+            LG_REAL("train_mse", s->train_judged.mse, "of the training part"));
     self->first_count = self->result_count;
     tell_network(self, &run->model.net);
-    lg_result_whole(self, "restarts", lg_fit_restarts(self->fit), NULL);
-    lg_result_whole(self, "dead_units", dead, NULL);
-    lg_result_text(self, "preset", s->from != NULL ? s->from->name : NULL, NULL);
-    lg_result_text(self, "source", s->from != NULL ? s->from->source : NULL, NULL);
+    LG_TELL(self, LG_WHOLE("restarts", lg_fit_restarts(self->fit), NULL), LG_WHOLE("dead_units", dead, NULL),
+            LG_TEXT("preset", s->from != NULL ? s->from->name : NULL, NULL),
+            LG_TEXT("source", s->from != NULL ? s->from->source : NULL, NULL));
     return LG_OK;
 }
 
@@ -421,9 +407,9 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
                           &s->tested, error));
     LG_TRY(judge_parts(self, &file->scaler, file->theta, error));
     LG_TRY(lg_judgement_check(&s->judged, error));
-    lg_result_whole(self, "windows", s->judged.count, NULL);
+    LG_TELL(self, LG_WHOLE("windows", s->judged.count, NULL));
     lg_detector_tell(self, &s->judged, run->hop, file->names.rate, file->names.class_name);
-    lg_result_real(self, "mse", s->judged.mse, NULL);
+    LG_TELL(self, LG_REAL("mse", s->judged.mse, NULL));
     return LG_OK;
 }
 

@@ -10,32 +10,6 @@
 
 /* ---- reading ---- */
 
-static void warn_of_names(const lg_context *context, const char *path, const lg_series *series,
-                          const lg_series *like) {
-    if (like->channel_name == NULL || series->channel_name == NULL) return;
-    for (uint32_t c = 0; c < like->channels; c++)
-        if (strcmp(like->channel_name[c], series->channel_name[c]) != 0) {
-            lg_log_message(context, LG_LOG_WARNING, "%s: channel %u is '%s', but in training it was '%s'",
-                           path, c + 1, series->channel_name[c], like->channel_name[c]);
-            return;
-        }
-}
-
-/* from[c] becomes the number of the series' channel with the name name[c]. Returns false unless each name
- * belongs to exactly one channel of the series. `sorted` and `taken` are work memory (channels). */
-static bool find_channels(const lg_series *series, char (*name)[LG_SERIES_NAME], lg_lookup *sorted,
-                          bool *taken, uint32_t *from) {
-    for (uint32_t c = 0; c < series->channels; c++) sorted[c] = (lg_lookup){series->channel_name[c], c};
-    lg_lookup_sort(sorted, series->channels);
-    for (uint32_t c = 0; c < series->channels; c++) {
-        const lg_lookup *found = lg_lookup_find(sorted, series->channels, name[c]);
-        if (found == NULL || taken[found->at]) return false;
-        from[c] = (uint32_t)found->at;
-        taken[found->at] = true;
-    }
-    return true;
-}
-
 /* Reorders the channels of the series so that their names are in the order of `name` (channels). Does nothing
  * if the names are not the same up to their order. */
 static lg_status order_channels(const lg_context *context, lg_series *series, char (*name)[LG_SERIES_NAME]) {
@@ -46,7 +20,14 @@ static lg_status order_channels(const lg_context *context, lg_series *series, ch
     LG_TRY_SCRATCH(lg_lookup, sorted, context, m, LG_OUT_OF_MEMORY);
     LG_TRY_SCRATCH(bool, taken, context, m, LG_OUT_OF_MEMORY);
     LG_TRY_SCRATCH(float, window, context, m *n, LG_OUT_OF_MEMORY);
-    if (!find_channels(series, name, sorted, taken, from)) return LG_OK;
+    for (uint32_t c = 0; c < m; c++) sorted[c] = (lg_lookup){series->channel_name[c], c};
+    lg_lookup_sort(sorted, m);
+    for (uint32_t c = 0; c < m; c++) { /* from[c]: the channel of the series with the name name[c] */
+        const lg_lookup *found = lg_lookup_find(sorted, m, name[c]);
+        if (found == NULL || taken[found->at]) return LG_OK;
+        from[c] = (uint32_t)found->at;
+        taken[found->at] = true;
+    }
     for (size_t i = 0; i < series->count; i++) {
         float *x = series->x + i * m * n;
         memcpy(window, x, m * n * sizeof *x);
@@ -64,7 +45,12 @@ lg_status lg_series_read_like(const lg_context *context, const char *path, const
         return lg_fail(error, LG_SHAPE, "%s: has %u channels, but the model was trained on %u", path,
                        series->channels, like->channels);
     LG_TRY(order_channels(context, series, like->channel_name));
-    warn_of_names(context, path, series, like);
+    const bool named = like->channel_name != NULL && series->channel_name != NULL;
+    uint32_t c = 0;
+    while (named && c < like->channels && strcmp(like->channel_name[c], series->channel_name[c]) == 0) c++;
+    if (named && c < like->channels)
+        lg_log_message(context, LG_LOG_WARNING, "%s: channel %u is '%s', but in training it was '%s'", path,
+                       c + 1, series->channel_name[c], like->channel_name[c]);
     if (like->rate > 0 && series->rate > 0 && fabs(series->rate / like->rate - 1) > 1e-3)
         lg_log_message(context, LG_LOG_WARNING,
                        "%s: has %g samples per second, but the model was trained on %g", path, series->rate,

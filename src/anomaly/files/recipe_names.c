@@ -47,25 +47,20 @@ lg_status lg_detector_put_names(lg_h5 *h5, const lg_series *names, const lg_nove
     return novelty->channels == 0 ? LG_OK : lg_detector_put_part(h5, save_novelty, novelty, error);
 }
 
-/* Names the classes "0", "1", ... if the file has no names for them. */
-static lg_status number_classes(lg_h5 *h5, lg_series *names, lg_error *error) {
-    if (names->class_name != NULL) return LG_OK;
-    names->class_name = lg_alloc(h5->context, names->classes, sizeof *names->class_name);
-    if (names->class_name == NULL) return lg_h5_no_memory(h5, error);
-    for (uint32_t c = 0; c < names->classes; c++)
-        (void)snprintf(names->class_name[c], LG_SERIES_NAME, "%u", c);
-    return LG_OK;
-}
-
 lg_status lg_detector_get_names(lg_h5 *h5, uint64_t window, lg_series *names, lg_novelty *novelty,
                                 lg_error *error) {
     LG_TRY(lg_detector_get_part(h5, load_novelty, novelty, error));
     if (names->channels == 0) names->channels = novelty->channels, names->length = novelty->length;
     LG_TRY(check_novelty(h5, names, novelty, LG_FORMAT, error));
     if (names->length != window)
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /model: attribute window is %llu, but the model has windows of %u samples",
-                       lg_shown_path(h5->path), (unsigned long long)window, names->length);
+        return lg_h5_fail(h5, error,
+                          "/model: attribute window is %llu, but the model has windows of %u samples",
+                          (unsigned long long)window, names->length);
     LG_TRY(lg_sensing_get(h5, names, error));
-    return number_classes(h5, names, error);
+    if (names->class_name != NULL) return LG_OK;
+    names->class_name = lg_alloc(h5->context, names->classes, sizeof *names->class_name);
+    if (names->class_name == NULL) return lg_h5_no_memory(h5, error);
+    for (uint32_t c = 0; c < names->classes; c++)
+        (void)snprintf(names->class_name[c], LG_SERIES_NAME, "%u", c);
+    return LG_OK;
 }

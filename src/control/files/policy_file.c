@@ -141,7 +141,7 @@ static lg_status load(void *user, lg_h5 *h5, lg_error *error) {
     array arrays[ARRAYS];
     LG_TRY(lg_h5_check_format(h5, kind, false, error));
     LG_TRY(lg_as_format(get_task(h5, l, error), error));
-    LG_TRY(lg_policy_prepare(p, error));
+    LG_TRY(lg_as_format(lg_policy_prepare(p, error), error));
     list_arrays(p, arrays);
     for (size_t i = 0; i < ARRAYS; i++) {
         const array *a = &arrays[i];

@@ -28,7 +28,7 @@ static const lg_field keys[] = {
     LG_NODE("limits", .required = true),
     LG_NODE("cost", .required = true),
     LG_NODE("success", .required = true),
-    FIELD("substeps", U32, substeps, .low = 1, .high = 10000),
+    FIELD("substeps", U32, substeps, .low = 1, .high = LG_POLICY_SUBSTEPS),
     LG_MAP("controller"),
     FIELD("controller.kind", NAME, kind, LG_NAMED(lg_policy_kind_name, LG_POLICY_KIND_COUNT)),
     FIELD("controller.hidden", WHOLES, hidden, LG_COUNTED(lg_policy_task, hidden_layers), .low = 1,

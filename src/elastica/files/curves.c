@@ -38,14 +38,11 @@ typedef struct sizes {
     lg_h5_size curves, boundary, nodes, plane;
 } sizes;
 
-static sizes sizes_of(const lg_elastica_curves *c) {
-    return (sizes){{c->count, "curves", NULL},
-                   {BOUNDARY, NULL, NULL},
-                   {c->intervals > 0 ? (uint64_t)c->intervals + 1 : 0, "nodes", NULL},
-                   {2, NULL, NULL}};
-}
-
 static void list_arrays(lg_elastica_curves *c, sizes *s, lg_h5_array out[ARRAYS]) {
+    *s = (sizes){{c->count, "curves", NULL},
+                 {BOUNDARY, NULL, NULL},
+                 {c->intervals > 0 ? (uint64_t)c->intervals + 1 : 0, "nodes", NULL},
+                 {2, NULL, NULL}};
     const lg_h5_array list[ARRAYS] = {{"boundary", &c->boundary, {&s->curves, &s->boundary}, false},
                                       {"q", &c->q, {&s->curves, &s->nodes, &s->plane}, false},
                                       {"v", &c->v, {&s->curves, &s->nodes, &s->plane}, false},
@@ -59,13 +56,13 @@ static void list_arrays(lg_elastica_curves *c, sizes *s, lg_h5_array out[ARRAYS]
 static lg_status read_arrays(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {
     lg_elastica_curves *c = &data->curves;
     lg_h5_array arrays[ARRAYS];
-    sizes s = sizes_of(c);
+    sizes s;
     list_arrays(c, &s, arrays);
     LG_TRY(lg_h5_get_arrays(h5, arrays, 2, error));
     if (s.nodes.n < LG_ELASTICA_MIN_INTERVALS + 1 || s.nodes.n > LG_ELASTICA_MAX_INTERVALS + 1)
-        return lg_fail(error, LG_FORMAT, "%s: /q: has %llu nodes, expected N + 1 with N of %d to %d",
-                       lg_shown_path(h5->path), (unsigned long long)s.nodes.n, LG_ELASTICA_MIN_INTERVALS,
-                       LG_ELASTICA_MAX_INTERVALS);
+        return lg_h5_fail(h5, error, "/q: has %llu nodes, expected N + 1 with N of %d to %d",
+                          (unsigned long long)s.nodes.n, LG_ELASTICA_MIN_INTERVALS,
+                          LG_ELASTICA_MAX_INTERVALS);
     c->count = (size_t)s.curves.n;
     c->intervals = (uint32_t)(s.nodes.n - 1);
     return lg_h5_get_arrays(h5, arrays + 2, ARRAYS - 2, error);
@@ -75,8 +72,8 @@ static lg_status read_arrays(lg_h5 *h5, lg_elastica_data *data, lg_error *error)
 static lg_status read_kinds(lg_h5 *h5, lg_elastica_data *data, lg_error *error) {
     lg_elastica_curves *c = &data->curves;
     lg_h5_about about;
-    sizes s = sizes_of(c);
-    const lg_h5_array kinds = {.name = "case", .dims = {&s.curves}};
+    lg_h5_size curves = {c->count, "curves", NULL};
+    const lg_h5_array kinds = {.name = "case", .dims = {&curves}};
     if (!lg_h5_has(h5, "case")) return LG_OK;
     LG_TRY(lg_h5_fit(h5, &kinds, sizeof(int64_t), false, &about, error));
     LG_TRY_SCRATCH(int64_t, values, h5->context, c->count, lg_h5_no_memory(h5, error));
@@ -103,17 +100,15 @@ static lg_status check_ends(lg_h5 *h5, lg_elastica_data *data, lg_error *error) 
     for (size_t i = 0; i < c->count; i++) {
         const double *b = c->boundary + BOUNDARY * i;
         if (!near(hypot(b[V0], b[V0 + 1]), 1) || !near(hypot(b[VN], b[VN + 1]), 1))
-            return lg_fail(
-                error, LG_FORMAT,
-                "%s: /boundary: a tangent of curve (%zu) has length %.9g or %.9g, not 1: normalise it",
-                lg_shown_path(h5->path), i, hypot(b[V0], b[V0 + 1]), hypot(b[VN], b[VN + 1]));
+            return lg_h5_fail(
+                h5, error, "/boundary: a tangent of curve (%zu) has length %.9g or %.9g, not 1: normalise it",
+                i, hypot(b[V0], b[V0 + 1]), hypot(b[VN], b[VN + 1]));
         for (size_t e = 0; e < LG_COUNT(ends); e++) {
             const double *node = ends[e].values + row * i + ends[e].node, *wanted = b + ends[e].at;
             if (near(node[0], wanted[0]) && near(node[1], wanted[1])) continue;
-            return lg_fail(error, LG_FORMAT,
-                           "%s: /%s: curve (%zu) %s at (%.9g, %.9g), /boundary says (%.9g, %.9g)",
-                           lg_shown_path(h5->path), ends[e].name, i, ends[e].node == 0 ? "begins" : "ends",
-                           node[0], node[1], wanted[0], wanted[1]);
+            return lg_h5_fail(h5, error, "/%s: curve (%zu) %s at (%.9g, %.9g), /boundary says (%.9g, %.9g)",
+                              ends[e].name, i, ends[e].node == 0 ? "begins" : "ends", node[0], node[1],
+                              wanted[0], wanted[1]);
         }
     }
     return LG_OK;
@@ -147,13 +142,6 @@ static double trapezoid_length(const double *q, const double *v, uint32_t interv
     return squares > 0 ? intervals * products / squares : NAN;
 }
 
-/* Rounds to three significant digits, which changes the length by at most 0.5 %. This is meant to give the
- * value that was set in the program that wrote the file. */
-static double rounded(double x) {
-    const double unit = pow(10, floor(log10(x)) - 2);
-    return unit >= 1 ? round(x / unit) * unit : round(x / unit) / round(1 / unit);
-}
-
 /* Returns the median length of the curves. Of the two ways to estimate the length, the one is used whose
  * results differ less between the curves (from the 10th to the 90th percentile). */
 static double agreed_length(const lg_elastica_curves *c, double *lengths) {
@@ -181,9 +169,11 @@ static lg_status estimate_length(lg_h5 *h5, lg_elastica_data *data, lg_error *er
     LG_TRY_SCRATCH(double, lengths, h5->context, c->count, lg_h5_no_memory(h5, error));
     const double length = agreed_length(c, lengths);
     if (!(length >= 1e-100 && length <= 1e100))
-        return lg_fail(error, LG_FORMAT, "%s: /q: the length of the curves is %g, expected 1e-100 to 1e100",
-                       lg_shown_path(h5->path), length);
-    c->length = rounded(length);
+        return lg_h5_fail(h5, error, "/q: the length of the curves is %g, expected 1e-100 to 1e100", length);
+    /* Rounding to three significant digits, which changes the length by at most 0.5 %, is meant to give the
+     * value that was set in the program that wrote the file. */
+    const double unit = pow(10, floor(log10(length)) - 2);
+    c->length = unit >= 1 ? round(length / unit) * unit : round(length / unit) / round(1 / unit);
     return LG_OK;
 }
 
@@ -199,9 +189,8 @@ static lg_status check_length(lg_h5 *h5, lg_elastica_data *data, lg_error *error
         const double *b = c->boundary + BOUNDARY * i;
         const double distance = hypot(b[QN] - b[Q0], b[QN + 1] - b[Q0 + 1]);
         if (!(distance <= c->length * (1 + END_TOLERANCE)))
-            return lg_fail(error, LG_FORMAT,
-                           "%s: attribute length is %g, but the ends of curve (%zu) are %g apart",
-                           lg_shown_path(h5->path), c->length, i, distance);
+            return lg_h5_fail(h5, error, "attribute length is %g, but the ends of curve (%zu) are %g apart",
+                              c->length, i, distance);
     }
     return LG_OK;
 }
@@ -253,7 +242,7 @@ static lg_status put_all(lg_h5 *h5, const lg_elastica_data *data, lg_error *erro
     lg_elastica_curves copy =
         *c; /* a copy that is only read, because the list takes pointers without const */
     lg_h5_array arrays[ARRAYS];
-    sizes s = sizes_of(c);
+    sizes s;
     list_arrays(&copy, &s, arrays);
     LG_TRY(lg_h5_put_header(h5, "elastica", &data->provenance, error));
     for (size_t i = 0; i < LG_COUNT(attributes); i++) LG_TRY(lg_field_write(h5, &attributes[i], c, error));

@@ -283,20 +283,19 @@ static void tell(lg_training *self, const lg_surrogate_errors *train, const lg_s
     const state *s = self->state;
     const lg_surrogate_run *run = self->run;
     const lg_surrogate_preset *preset = s->preset;
-    lg_result_real(self, "train_mse", train->mse, "mean squared error of the training part");
-    lg_result_real(self, "test_mse", test->mse, "of the test part");
-    lg_result_real(self, "training_loss", lg_fit_loss(self->fit), "the last epoch's mean over its batches");
-    lg_result_real(self, "truncation", s->truncation, "what the modes leave out");
-    lg_result_whole(self, "parameters", self->problem.parameters, NULL);
+    LG_TELL(self, LG_REAL("train_mse", train->mse, "mean squared error of the training part"),
+            LG_REAL("test_mse", test->mse, "of the test part"),
+            LG_REAL("training_loss", lg_fit_loss(self->fit), "the last epoch's mean over its batches"),
+            LG_REAL("truncation", s->truncation, "what the modes leave out"),
+            LG_WHOLE("parameters", self->problem.parameters, NULL));
     self->first_count = self->result_count;
-    lg_result_text(self, "preset", preset != NULL ? preset->name : NULL, NULL);
-    lg_result_text(self, "source", preset != NULL ? preset->source : NULL, NULL);
-    lg_result_whole(self, "train_curves", s->train.count, NULL);
-    lg_result_whole(self, "learned_curves", s->learned.count, NULL);
-    lg_result_whole(self, "test_curves", s->test.count, NULL);
-    lg_result_real(self, "test_max_error", test->max_error, "largest component");
-    lg_result_text(self, "values", run->continuous ? "continuous" : "discrete", NULL);
-    lg_result_text(self, "data_sha256", run->data_sha256, NULL);
+    LG_TELL(self, LG_TEXT("preset", preset != NULL ? preset->name : NULL, NULL),
+            LG_TEXT("source", preset != NULL ? preset->source : NULL, NULL),
+            LG_WHOLE("train_curves", s->train.count, NULL),
+            LG_WHOLE("learned_curves", s->learned.count, NULL), LG_WHOLE("test_curves", s->test.count, NULL),
+            LG_REAL("test_max_error", test->max_error, "largest component"),
+            LG_TEXT("values", run->continuous ? "continuous" : "discrete", NULL),
+            LG_TEXT("data_sha256", run->data_sha256, NULL));
 }
 
 static lg_status judge(lg_training *self, double *theta, lg_error *error) {
@@ -439,22 +438,19 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
     warn_of_range(self, file, &beyond);
     LG_TRY(lg_surrogate_evaluate(self->context, &file->run.model, file->theta, curves, s->test.list,
                                  s->test.count, s->node_error, of, error));
-    lg_result_real(self, "mse", of->mse, "mean squared error over nodes and components");
-    lg_result_real(self, "mse_q", of->mse_q, "of the nodes");
-    lg_result_real(self, "mse_v", of->mse_v, "of the tangents");
-    lg_result_real(self, "max_error", of->max_error, "largest component");
-    lg_result_real(self, "boundary_error", of->boundary_error,
-                   "largest difference from the boundary conditions");
-    lg_result_real(self, "unit_tangent_error", of->unit_tangent_error, "largest | |v| - 1 |");
-    lg_result_real(self, "unit_tangent_between", of->unit_tangent_between, "half-way between nodes");
-    lg_result_whole(self, "curves", s->test.count, NULL);
-    lg_result_text(self, "part", lg_curves_part_names[s->part], NULL);
-    lg_result_whole(self, "outside", beyond.count, "curves beyond the training range");
-    lg_result_real(self, "reach", beyond.reach, "largest distance between trained boundary conditions");
-    lg_result_real(self, "largest_distance", beyond.largest, "from them");
-    lg_result_real(self, "spread", beyond.spread, "largest distance of them from their family");
-    lg_result_real(self, "largest_off_family", beyond.off, "from the family");
-    lg_result_text(self, "network", lg_surrogate_kind_name(file->run.model.options.kind), NULL);
+    LG_TELL(self, LG_REAL("mse", of->mse, "mean squared error over nodes and components"),
+            LG_REAL("mse_q", of->mse_q, "of the nodes"), LG_REAL("mse_v", of->mse_v, "of the tangents"),
+            LG_REAL("max_error", of->max_error, "largest component"),
+            LG_REAL("boundary_error", of->boundary_error, "largest difference from the boundary conditions"),
+            LG_REAL("unit_tangent_error", of->unit_tangent_error, "largest | |v| - 1 |"),
+            LG_REAL("unit_tangent_between", of->unit_tangent_between, "half-way between nodes"),
+            LG_WHOLE("curves", s->test.count, NULL), LG_TEXT("part", lg_curves_part_names[s->part], NULL),
+            LG_WHOLE("outside", beyond.count, "curves beyond the training range"),
+            LG_REAL("reach", beyond.reach, "largest distance between trained boundary conditions"),
+            LG_REAL("largest_distance", beyond.largest, "from them"),
+            LG_REAL("spread", beyond.spread, "largest distance of them from their family"),
+            LG_REAL("largest_off_family", beyond.off, "from the family"),
+            LG_TEXT("network", lg_surrogate_kind_name(file->run.model.options.kind), NULL));
     return LG_OK;
 }
 

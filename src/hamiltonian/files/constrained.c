@@ -52,8 +52,7 @@ lg_status lg_constrained_size(const char *path, lg_trajectories *data, lg_error 
         lg_shown_path(path), data->state_dim, n, 2 * n);
 }
 
-/* The length L: the root mean square of |q|. */
-static double size_of(const lg_trajectories *data) {
+lg_status lg_constrained_points(const char *path, bool project, lg_trajectories *data, lg_error *error) {
     const size_t d = data->state_dim, count = data->count * data->points;
     double most = 0, sum = 0;
     for (size_t k = 0; k < count; k++)
@@ -61,12 +60,8 @@ static double size_of(const lg_trajectories *data) {
     for (size_t k = 0; k < count && most > 0; k++)
         for (size_t i = 0; i < data->n; i++)
             sum += data->data[k * d + i] / most * (data->data[k * d + i] / most);
-    return most * sqrt(sum / (double)count);
-}
-
-lg_status lg_constrained_points(const char *path, bool project, lg_trajectories *data, lg_error *error) {
-    const double size = size_of(data);
-    for (size_t k = 0; k < data->count * data->points; k++) {
+    const double size = most * sqrt(sum / (double)count); /* the length L: the root mean square of |q| */
+    for (size_t k = 0; k < count; k++) {
         const size_t trajectory = k / data->points, point = k % data->points;
         double *state = data->data + k * data->state_dim;
         lg_constraint_view view;

@@ -130,8 +130,8 @@ static lg_status get_constraint(lg_h5 *h5, void *user, lg_error *error) {
     LG_TRY(lg_h5_constraint(h5, NULL, &file->constraint, error));
     model->constraint = file->constraint;
     if (file->constraint == NULL || lg_constraint_coordinates(file->constraint) == model->n) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: function constraint takes %u numbers, but the model has n = %u",
-                   lg_shown_path(h5->path), lg_constraint_coordinates(file->constraint), model->n);
+    return lg_h5_fail(h5, error, "function constraint takes %u numbers, but the model has n = %u",
+                      lg_constraint_coordinates(file->constraint), model->n);
 }
 
 static void release(void *user) {
@@ -162,19 +162,6 @@ LG_RECIPE(hamiltonian, "checkpoint", LG_MADE(lg_hamiltonian_run, model.net), .it
 
 /* ---- recording errors in a model file ---- */
 
-static lg_status check_judged(const lg_h5 *h5, const lg_hamiltonian_file *judged,
-                              const lg_hamiltonian_file *stored, lg_error *error) {
-    LG_TRY(lg_recipe_compare_runs(&lg_recipe_hamiltonian, &stored->run, &judged->run, h5->path, error));
-    const bool single = judged->run.training.dtype == LG_F32; /* the file then stores floats */
-    bool same = judged->parameters == stored->parameters;
-    for (size_t i = 0; same && i < stored->parameters; i++)
-        same = stored->theta[i] == (single ? (double)(float)judged->theta[i] : judged->theta[i]);
-    return same ? LG_OK
-                : lg_fail(error, LG_INVALID_ARGUMENT,
-                          "%s: the parameters in this file are not the parameters that were judged",
-                          lg_shown_path(h5->path));
-}
-
 static void release_stored(lg_hamiltonian_file *file) {
     lg_recipe_release(&lg_recipe_hamiltonian, file);
 }
@@ -183,7 +170,15 @@ static lg_status record(void *user, lg_h5 *h5, lg_error *error) {
     const lg_hamiltonian_file *judged = user;
     LG_CLEAN(release_stored) lg_hamiltonian_file stored = {.context = h5->context};
     LG_TRY(lg_run_get_file(h5, &lg_recipe_hamiltonian, &stored, error));
-    LG_TRY(check_judged(h5, judged, &stored, error));
+    LG_TRY(lg_recipe_compare_runs(&lg_recipe_hamiltonian, &stored.run, &judged->run, h5->path, error));
+    const bool single = judged->run.training.dtype == LG_F32; /* the file then stores floats */
+    bool same = judged->parameters == stored.parameters;
+    for (size_t i = 0; same && i < stored.parameters; i++)
+        same = stored.theta[i] == (single ? (double)(float)judged->theta[i] : judged->theta[i]);
+    if (!same)
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "%s: the parameters in this file are not the parameters that were judged",
+                       lg_shown_path(h5->path));
     for (size_t i = 0; i + 1 < LG_COUNT(items); i++)
         LG_TRY(lg_h5_remove_attribute(h5, "", items[i].field.name, error));
     return lg_items_put(h5, &lg_recipe_hamiltonian, judged, error);

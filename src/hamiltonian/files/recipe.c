@@ -128,16 +128,6 @@ static lg_hamiltonian_problem problem_of(const lg_hamiltonian_run *run, const lg
                                     .data = data->data};
 }
 
-static lg_status adopt_symmetry(lg_hamiltonian *model, lg_symmetry symmetry, lg_error *error) {
-    if (lg_hamiltonian_set_symmetry(model, symmetry) == LG_OK) return LG_OK;
-    return lg_fail(
-        error, LG_INVALID_ARGUMENT,
-        "--symmetry %s: is not for family %s with n = %u: the coordinates have no invariants of this "
-        "kind, or too many for a dictionary",
-        lg_field_name(lg_field_find(lg_hamiltonian_fields, "symmetry"), symmetry), model->family->name,
-        model->n);
-}
-
 /* Completes the run by what the data determine, and makes the model. */
 static lg_status complete_run(lg_hamiltonian_run *run, const lg_trajectories *data, lg_error *error) {
     const lg_mlp net = run->model.net;
@@ -145,7 +135,13 @@ static lg_status complete_run(lg_hamiltonian_run *run, const lg_trajectories *da
     const lg_status status = lg_hamiltonian_init(&run->model, data->family, data->n, run->model.potential,
                                                  net.width + 1, net.layers - 1, net.activation);
     if (status != LG_OK) return lg_fail(error, status, "a network of this size cannot be made");
-    LG_TRY(adopt_symmetry(&run->model, symmetry, error));
+    if (lg_hamiltonian_set_symmetry(&run->model, symmetry) != LG_OK)
+        return lg_fail(
+            error, LG_INVALID_ARGUMENT,
+            "--symmetry %s: is not for family %s with n = %u: the coordinates have no invariants of this "
+            "kind, or too many for a dictionary",
+            lg_field_name(lg_field_find(lg_hamiltonian_fields, "symmetry"), symmetry),
+            run->model.family->name, run->model.n);
     run->model.constraint = data->constraint;
     memcpy(run->system, data->system, sizeof run->system);
     memcpy(run->data_sha256, data->sha256, sizeof run->data_sha256);
@@ -351,12 +347,13 @@ static lg_status judge(lg_training *self, double *theta, lg_error *error) {
                                           .guess = "a state that does not change",
                                           .error = loss,
                                           .guessed = lg_hamiltonian_unchanged(problem)};
-    lg_result_real(self, "loss", loss, "mean squared error of the predicted points, without measured starts");
+    LG_TELL(self,
+            LG_REAL("loss", loss, "mean squared error of the predicted points, without measured starts"));
     self->first_count = self->result_count;
-    lg_result_whole(self, "parameters", lg_hamiltonian_parameters(problem->model), NULL);
+    LG_TELL(self, LG_WHOLE("parameters", lg_hamiltonian_parameters(problem->model), NULL));
     if (!s->newton) return LG_OK;
-    lg_result_whole(self, "newton_iterations", found.iterations, NULL);
-    lg_result_real(self, "newton_gradient", found.gradient_norm, NULL);
+    LG_TELL(self, LG_WHOLE("newton_iterations", found.iterations, NULL),
+            LG_REAL("newton_gradient", found.gradient_norm, NULL));
     return LG_OK;
 }
 
@@ -372,8 +369,9 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
     run->starts = LG_START_MEASURED;
     const lg_hamiltonian_problem problem = problem_of(run, data);
     LG_TRY(lg_hamiltonian_mean_squared_error(self->context, &problem, file->theta, &loss, error));
-    lg_result_real(self, "loss", loss, "mean squared error of the predicted points, without measured starts");
-    lg_result_real(self, "unchanged", lg_hamiltonian_unchanged(&problem), "of a state that does not change");
+    LG_TELL(self,
+            LG_REAL("loss", loss, "mean squared error of the predicted points, without measured starts"),
+            LG_REAL("unchanged", lg_hamiltonian_unchanged(&problem), "of a state that does not change"));
     return LG_OK;
 }
 

@@ -145,15 +145,12 @@ typedef struct sizes {
     lg_h5_size trajectories, points, dim, intervals, inputs;
 } sizes;
 
-static sizes sizes_of(const lg_trajectories *data) {
-    return (sizes){{data->count, "trajectories", NULL},
-                   {data->points, "points", NULL},
-                   {data->state_dim, "numbers per state", NULL},
-                   {data->points > 0 ? data->points - 1 : 0, "intervals", NULL},
-                   {data->input_dim, "inputs", NULL}};
-}
-
 static void list_arrays(lg_trajectories *data, sizes *s, lg_h5_array out[ARRAYS]) {
+    *s = (sizes){{data->count, "trajectories", NULL},
+                 {data->points, "points", NULL},
+                 {data->state_dim, "numbers per state", NULL},
+                 {data->points > 0 ? data->points - 1 : 0, "intervals", NULL},
+                 {data->input_dim, "inputs", NULL}};
     const lg_h5_array list[ARRAYS] = {
         {"t", &data->t, {&s->points}, false},
         {"trajectories", &data->data, {&s->trajectories, &s->points, &s->dim}, false},
@@ -200,28 +197,26 @@ static lg_status take_time(void *user, uint64_t index, const char *text, lg_erro
     const double t = end != NULL && *end == '\0' ? lg_clock_read(&call->clock, now) : (double)NAN;
     call->out->t[index] = t;
     if (!isfinite(t))
-        return lg_fail(
-            error, LG_FORMAT,
-            "%s: /t: the text at index (%llu) is no time%s: write numbers of seconds, or dates such "
+        return lg_h5_fail(
+            call->h5, error,
+            "/t: the text at index (%llu) is no time%s: write numbers of seconds, or dates such "
             "as 2024-03-01T12:00:00.25Z",
-            lg_shown_path(call->path), (unsigned long long)index,
-            index > 0 ? " in the format of the first one" : "");
+            (unsigned long long)index, index > 0 ? " in the format of the first one" : "");
     count_digits(call, text, now.format);
     return LG_OK;
 }
 
 static lg_status read_arrays(read_call *call, lg_error *error) {
     lg_trajectories *out = call->out;
-    sizes s = sizes_of(out);
+    sizes s;
     lg_h5_array arrays[ARRAYS];
     lg_h5_about times;
     list_arrays(out, &s, arrays);
     LG_TRY(lg_h5_get_arrays(call->h5, arrays + TRAJECTORIES, 1, error));
     if (s.points.n < 2 || s.dim.n < 2 || s.dim.n > 6 * LG_HAMILTONIAN_MAX_COPIES)
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /trajectories: has M = %llu and d = %llu, expected M >= 2 and d of 2 to %d",
-                       lg_shown_path(call->path), (unsigned long long)s.points.n, (unsigned long long)s.dim.n,
-                       6 * LG_HAMILTONIAN_MAX_COPIES);
+        return lg_h5_fail(
+            call->h5, error, "/trajectories: has M = %llu and d = %llu, expected M >= 2 and d of 2 to %d",
+            (unsigned long long)s.points.n, (unsigned long long)s.dim.n, 6 * LG_HAMILTONIAN_MAX_COPIES);
     s.intervals.n = s.points.n - 1;
     LG_TRY(lg_h5_fit(call->h5, &arrays[TIMES], sizeof(double), true, &times, error));
     call->epsilon = times.kind == LG_H5_WORDS ? DBL_EPSILON : times.epsilon;
@@ -231,8 +226,7 @@ static lg_status read_arrays(read_call *call, lg_error *error) {
                ? lg_h5_each_text(call->h5, "t", take_time, call, error)
                : lg_h5_get_finite(call->h5, "t", times.rank, times.dims, out->t, error));
     LG_TRY(lg_h5_get_arrays(call->h5, arrays + OTHERS, ARRAYS - OTHERS, error));
-    if (s.inputs.n > UINT32_MAX)
-        return lg_fail(error, LG_FORMAT, "%s: /inputs: has too many inputs", lg_shown_path(call->path));
+    if (s.inputs.n > UINT32_MAX) return lg_h5_fail(call->h5, error, "/inputs: has too many inputs");
     out->count = (size_t)s.trajectories.n, out->points = (size_t)s.points.n;
     out->state_dim = (uint32_t)s.dim.n, out->input_dim = (uint32_t)s.inputs.n;
     return LG_OK;
@@ -247,23 +241,21 @@ static lg_status check_times(read_call *call, lg_error *error) {
     double rounded = fmin(call->unit, TEXT_TOLERANCE * dt) + 2 * call->epsilon * largest;
     double tolerance = TIME_TOLERANCE * dt + rounded;
     if (!isfinite(dt))
-        return lg_fail(error, LG_FORMAT,
-                       "%s: /t: the time from the first to the last point is not a finite number",
-                       lg_shown_path(call->path));
+        return lg_h5_fail(call->h5, error,
+                          "/t: the time from the first to the last point is not a finite number");
     for (size_t i = 1; i <= last; i++) {
         if (!(t[i] > t[i - 1]))
-            return lg_fail(error, LG_FORMAT,
-                           "%s: /t: does not increase at index (%zu): sort the points by time",
-                           lg_shown_path(call->path), i);
+            return lg_h5_fail(call->h5, error,
+                              "/t: does not increase at index (%zu): sort the points by time", i);
     }
     for (size_t i = 1; i < last; i++) {
         double off = fabs(t[i] - (t[0] + (double)i * dt));
         if (off > tolerance)
-            return lg_fail(
-                error, LG_FORMAT,
-                "%s: /t: the times are not equidistant: the time at index (%zu) is off by %.3g steps; "
+            return lg_h5_fail(
+                call->h5, error,
+                "/t: the times are not equidistant: the time at index (%zu) is off by %.3g steps; "
                 "interpolate the points at equidistant times",
-                lg_shown_path(call->path), i, off / dt);
+                i, off / dt);
     }
     out->dt = dt;
     return LG_OK;
@@ -284,16 +276,8 @@ static lg_status optional_text(read_call *call, const char *name, char *text, si
     return lg_as_format(lg_h5_text(call->h5, holder, name, text, size, error), error);
 }
 
-/* Removes all separators, so that "q_1, p_1" and "q1 p1" become the same. */
-static void squeeze(char *text) {
-    char *to = text;
-    for (const char *from = text; *from != '\0'; from++)
-        if (strchr(" ,;_\t[]()", *from) == NULL) *to++ = *from;
-    *to = '\0';
-}
-
-/* Whether squeezed text is a layout of the family: numbered, q1 p1 q2 p2 ..., or else q p or q1 q2 ... p1 p2
- * .... No text is both a numbered layout and another one, whatever the families. */
+/* Whether a text without separators is a layout of the family: numbered, q1 p1 q2 p2 ..., or else q p or
+ * q1 q2 ... p1 p2 .... No text is both a numbered layout and another one, whatever the families. */
 static bool is_layout(const lg_hamiltonian_family *family, const char *text, bool numbered) {
     char all[32] = "", counted[32];
     (void)snprintf(counted, sizeof counted, "%s1%s2", family->layout[0], family->layout[0]);
@@ -322,11 +306,11 @@ static lg_status check_starts(read_call *call, lg_error *error) {
         if (off > MANIFOLD_TOLERANCE && call->project)
             lg_space_project(&space, start);
         else if (off > MANIFOLD_TOLERANCE)
-            return lg_fail(
-                error, LG_FORMAT,
-                "%s: /trajectories: the first point of trajectory %zu is off the manifold by %.3g (%s %u "
+            return lg_h5_fail(
+                call->h5, error,
+                "/trajectories: the first point of trajectory %zu is off the manifold by %.3g (%s %u "
                 "must satisfy %s; if the difference is noise, give --initial-states measured or estimated)",
-                lg_shown_path(call->path), k, off, out->family->copy, copy + 1, out->family->manifold);
+                k, off, out->family->copy, copy + 1, out->family->manifold);
     }
     return LG_OK;
 }
@@ -349,7 +333,7 @@ static bool looks_like(const lg_hamiltonian_family *family, const lg_trajectorie
     return true;
 }
 
-/* Guesses the family of data without a known system. If the data have a layout (`layout` is squeezed), it is
+/* Guesses the family of data without a known system. If the data have a layout (without separators), it is
  * the first family that has this layout and allows states of d numbers; if no family allows d, it is the
  * first family that has this layout. If the data have no layout, it is the first family on whose manifold all
  * trajectories begin. If no family fits, it is the last family. For one degree of freedom both layouts are
@@ -390,7 +374,10 @@ static lg_status check_system(read_call *call, lg_error *error) {
     if (out->constraint != NULL) return lg_constrained_size(call->path, out, error);
     LG_TRY(optional_text(call, "layout", layout, sizeof layout, error));
     const lg_hamiltonian_family *known = lg_family_of(out->system, &known_n);
-    squeeze(layout);
+    char *to = layout; /* without separators "q_1, p_1" and "q1 p1" are the same */
+    for (const char *from = layout; *from != '\0'; from++)
+        if (strchr(" ,;_\t[]()", *from) == NULL) *to++ = *from;
+    *to = '\0';
     const bool laid_out = layout[0] != '\0', numbered = is_any_layout(layout, true);
     if (laid_out && !numbered && !is_any_layout(layout, false))
         return lg_fail(error, LG_FORMAT,
@@ -423,8 +410,8 @@ static lg_status check_links(read_call *call, lg_error *error) {
     if (holder == NULL || !out->family->numbered) return LG_OK;
     LG_TRY(lg_h5_number(call->h5, holder, "links", LG_ELEMENT_I64, &links, error));
     if (links == (int64_t)out->n) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: attribute links is %lld, but states of d = %u numbers have %u",
-                   lg_shown_path(call->path), (long long)links, out->state_dim, out->n);
+    return lg_h5_fail(call->h5, error, "attribute links is %lld, but states of d = %u numbers have %u",
+                      (long long)links, out->state_dim, out->n);
 }
 
 static void parameter_path(const lg_parameter_entry *row, char path[64]) {
@@ -516,7 +503,7 @@ static lg_status put_truth(lg_h5 *h5, const lg_system *truth, lg_error *error) {
 static lg_status put_all(lg_h5 *h5, lg_trajectories *data, lg_error *error) {
     char layout[LG_LAYOUT_TEXT];
     lg_h5_array arrays[ARRAYS];
-    sizes s = sizes_of(data);
+    sizes s;
     list_arrays(data, &s, arrays);
     lg_layout_text(data->family, data->n, layout);
     LG_TRY(lg_h5_put_header(h5, "trajectories", &data->provenance, error));

@@ -152,16 +152,8 @@ static void begin_trial(const lg_choosing *c, const lg_machine_trial *from, tria
     if (from != NULL && from->learned.theta != NULL) t->state.warm = &from->learned;
 }
 
-lg_text lg_machine_changed(const lg_context *context, const char *text) {
-    lg_text out = {.context = context};
-    lg_text_add(&out, "%s\n---\n", text);
-    return out;
-}
-
-lg_status lg_machine_try(const lg_choosing *c, lg_text *text, const lg_machine_trial *from,
-                         lg_machine_trial *out, lg_error *error) {
-    *out = (lg_machine_trial){.text = *text};
-    *text = (lg_text){.context = c->quiet};
+lg_status lg_machine_try(const lg_choosing *c, const lg_machine_trial *from, lg_machine_trial *out,
+                         lg_error *error) {
     LG_TRY_SCRATCH(trial_training, t, c->quiet, 1, lg_no_memory(error));
     if (out->text.failed) return lg_no_memory(error);
     begin_trial(c, from, t);
@@ -192,25 +184,27 @@ static double loss_of(const lg_machine_trial *trial) {
 
 lg_status lg_machine_contest_run(lg_choosing *c, const lg_machine_contest *contest, size_t *winner,
                                  lg_error *error) {
+    const lg_machine_state *s = c->self->state;
     const lg_machine_trial *from = NULL, *best = NULL;
     lg_machine_trial *trials = c->trials = lg_alloc(c->quiet, contest->count, sizeof *trials);
     if (trials == NULL) return lg_no_memory(error);
     c->count = contest->count;
     *winner = 0;
-    if (c->held.count == 0) return LG_OK;
     for (size_t i = 0; i < contest->count; i++) {
-        LG_CLEAN(lg_text_destroy)
-        lg_text text =
-            lg_machine_changed(c->quiet, ((const lg_machine_state *)c->self->state)->data.file.text);
-        contest->write(contest->user, i, &text);
-        LG_TRY(lg_machine_try(c, &text, contest->follows ? from : NULL, &trials[i], error));
+        trials[i].text.context = c->quiet;
+        lg_text_add(&trials[i].text, "%s" LG_MACHINE_CHANGE, s->data.file.text);
+        contest->write(contest->user, i, &trials[i].text);
+        if (c->held.count == 0) continue;
+        LG_TRY(lg_machine_try(c, contest->follows ? from : NULL, &trials[i], error));
         if (loss_of(&trials[i]) < loss_of(from)) from = &trials[i];
         if (trials[i].square != NULL && (best == NULL || contest->compare(c, &trials[i], best).ratio < 1))
             best = &trials[i];
     }
-    while (best != NULL && &trials[*winner] != best &&
-           (trials[*winner].square == NULL || contest->compare(c, best, &trials[*winner]).beats))
-        ++*winner;
+    for (; best != NULL && &trials[*winner] != best; ++*winner) {
+        if (trials[*winner].square == NULL) continue;
+        const lg_held_out_ratio found = contest->compare(c, best, &trials[*winner]);
+        if (!(contest->clearly ? found.clear : found.better)) break;
+    }
     return LG_OK;
 }
 

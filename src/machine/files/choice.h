@@ -40,7 +40,7 @@ lg_status lg_held_out_match(const lg_held_out *held, const lg_logs *from, const 
 /* Whether one of the rows row .. row + rows - 1 is predicted by a window. */
 bool lg_held_out_has(const lg_held_out *held, size_t row, size_t rows);
 /* Mean squared error of each window's free run, in units of the motion in windows; infinite if a run is not
- * finite. Positions count where they are measured, else velocities. */
+ * finite. Positions count where they are measured, else velocities (horizons.c). */
 lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *model,
                             const lg_machine_log *log, double *square, lg_error *error);
 /* Compares errors of the same windows: `ratio` of the root mean squares, and whether `square` is smaller
@@ -48,9 +48,12 @@ lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *m
  * in 200), or of few windows their signs (one in 200). */
 typedef struct lg_held_out_ratio {
     double ratio;
-    bool better;
+    bool better, clear; /* clear: it is better, and by more than 5 % */
+    size_t rows;        /* of the windows; set by the caller */
 } lg_held_out_ratio;
 lg_held_out_ratio lg_held_out_compare(size_t count, const double *square, const double *than);
+/* Root of the mean of `square` over the windows that have an error; NaN: none has. */
+double lg_held_out_error(const lg_held_out *held, const double *square);
 
 /* ---- machines that are learned for a comparison (choice.c) ---- */
 
@@ -87,32 +90,26 @@ typedef struct lg_choosing {
 lg_status lg_choosing_begin(lg_choosing *out, const lg_training *self, double part, size_t windows,
                             size_t most, lg_error *error);
 void lg_choosing_end(lg_choosing *choosing);
-/* The text of a machine's file, and the beginning of a change behind it, to which the caller adds lines. */
-lg_text lg_machine_changed(const lg_context *context, const char *text);
-/* Learns the machine `text`, which the trial takes over, from the parameters of `from` (may be NULL), and
- * scores it. Fails only without memory or if cancelled; a machine that cannot be learned has a status. */
-lg_status lg_machine_try(const lg_choosing *choosing, lg_text *text, const lg_machine_trial *from,
-                         lg_machine_trial *out, lg_error *error);
+/* A change stands behind this line in the text of a machine's file. */
+#define LG_MACHINE_CHANGE "\n---\n"
+/* Learns the machine trial->text from the parameters of `from` (may be NULL), and scores it. Fails only
+ * without memory or if cancelled; a machine that cannot be learned has a status. */
+lg_status lg_machine_try(const lg_choosing *choosing, const lg_machine_trial *from, lg_machine_trial *trial,
+                         lg_error *error);
 void lg_machine_trial_destroy(const lg_choosing *choosing, lg_machine_trial *trial);
-/* How two trials that were learned compare: the error of the first one divided by the error of the other one,
- * whether it is clearly less, and the rows of the runs that show it. */
-typedef struct lg_machine_comparison {
-    double ratio;
-    bool beats;
-    size_t rows;
-} lg_machine_comparison;
-/* What a choice is made of: `write` adds the change of machine i, `compare` compares two machines. If each
- * `follows`, it begins from the parameters of the one before it that left the least of its own windows. */
+/* What a choice is made of: `write` adds the change of machine i, `compare` compares two machines, of which
+ * one beats the other if it is better, or clearly better. If each `follows`, it begins from the parameters of
+ * the one before it that left the least of its own windows. */
 typedef struct lg_machine_contest {
     size_t count;
-    bool follows;
+    bool follows, clearly;
     void (*write)(const void *user, size_t i, lg_text *change);
-    lg_machine_comparison (*compare)(const lg_choosing *c, const lg_machine_trial *one,
-                                     const lg_machine_trial *other);
+    lg_held_out_ratio (*compare)(const lg_choosing *c, const lg_machine_trial *one,
+                                 const lg_machine_trial *other);
     const void *user;
 } lg_machine_contest;
-/* Learns all machines, from simple ones to others: c->trials. *winner: the first one that the one with the
- * least error does not beat; its `square` is NULL if none was learned, as without windows. */
+/* Writes and learns all machines, from simple ones to others: c->trials. *winner: the first one that the one
+ * with the least error does not beat; its `square` is NULL if none was learned, as without windows. */
 lg_status lg_machine_contest_run(lg_choosing *c, const lg_machine_contest *contest, size_t *winner,
                                  lg_error *error);
 
@@ -130,15 +127,6 @@ void lg_machine_tell_inputs(lg_training *self);
  * with another hold that the log does not refute. Warns if that is more than the error of one of them. */
 lg_status lg_machine_widen(lg_training *self, const double *theta, size_t count, lg_identification *of,
                            lg_error *error);
-
-/* ---- lags that were learned (learned_lags.c) ---- */
-
-/* Warns of lags at an end of their range. */
-void lg_machine_warn_of_lags(const lg_training *self, const lg_machine_verdict *what);
-/* Writes {"chosen": seconds, or with several inputs a list where 0 is no lag; "ratios": {seconds of a start:
- * its loss divided by the least one}}, and a sentence "warning" if the log does not show one of the lags.
- * Nothing if no lag was learned. */
-lg_status lg_machine_tell_lags(lg_training *self, const lg_machine_verdict *what, lg_error *error);
 
 /* ---- terms (suggest.c) ---- */
 

@@ -23,16 +23,7 @@ static lg_status list_paths(const lg_context *context, const lg_machine_sources 
     return LG_OK;
 }
 
-/* Makes `training` of the parts that lie in the first `files` files; they come first. */
-static void split(lg_machine_data *data, size_t files) {
-    const lg_logs *logs = &data->logs;
-    size_t parts = 0;
-    while (parts < logs->log.parts && logs->part_file[parts] < files) parts++;
-    data->training = logs->log;
-    data->training.parts = parts;
-    data->training.rows = logs->log.first[parts];
-}
-
+/* `training` becomes the parts that lie in the first files, which are for training; they come first. */
 static lg_status read_logs(const lg_context *context, uint32_t delay, size_t training, lg_machine_data *out,
                            lg_error *error) {
     lg_log_options options;
@@ -40,10 +31,14 @@ static lg_status read_logs(const lg_context *context, uint32_t delay, size_t tra
     options.delay = delay;
     options.clocks = out->clocks;
     lg_logs_destroy(&out->logs);
-    const lg_status status =
-        lg_logs_read(context, &out->file, out->paths, out->path_count, &options, &out->logs, error);
-    if (status == LG_OK) split(out, training);
-    return status;
+    LG_TRY(lg_logs_read(context, &out->file, out->paths, out->path_count, &options, &out->logs, error));
+    const lg_logs *logs = &out->logs;
+    size_t parts = 0;
+    while (parts < logs->log.parts && logs->part_file[parts] < training) parts++;
+    out->training = logs->log;
+    out->training.parts = parts;
+    out->training.rows = logs->log.first[parts];
+    return LG_OK;
 }
 
 /* Reads the logs with delays of 0 to LG_DELAY_ESTIMATED rows of all inputs with `delay: estimate`, and once

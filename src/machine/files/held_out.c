@@ -3,11 +3,6 @@
 
 #include "machine/files/choice.h"
 
-/* If starts are estimated, this many rows before a window are needed. */
-static size_t rows_before(const lg_machine *machine, bool estimated) {
-    return estimated ? lg_start_rows(machine) - 1 : 0;
-}
-
 /* ---- numbers of a row ---- */
 
 /* Number i of a row of the log, positions first; positions are missing where accelerations are measured. */
@@ -32,18 +27,15 @@ static double mean_change(const lg_machine *machine, const lg_machine_log *log, 
 
 /* Mean square of a number around its mean. */
 static double variance(const lg_machine *machine, const lg_machine_log *log, size_t i) {
-    double sum = 0, mean = 0, count = 0;
-    for (int pass = 0; pass < 2; pass++) {
-        mean = pass == 1 ? sum / count : 0;
-        sum = count = 0;
-        for (size_t row = 0; row < log->rows; row++) {
-            const double x = logged_at(machine, log, row, i) - mean;
-            if (isnan(x)) continue;
-            sum += pass == 1 ? x * x : x;
-            count++;
-        }
+    double sum = 0, count = 0;
+    lg_squares s = {0, 0};
+    for (size_t row = 0; row < log->rows; row++) {
+        const double x = logged_at(machine, log, row, i);
+        if (!isnan(x)) sum += x, count++;
     }
-    return sum / count;
+    for (size_t row = 0; row < log->rows; row++)
+        lg_squares_add(&s, logged_at(machine, log, row, i) - sum / count);
+    return s.sum / (double)s.count;
 }
 
 /* Rows in which a number changes by its size, at most `most`. */
@@ -55,9 +47,9 @@ static size_t rows_of_change(const lg_machine *machine, const lg_machine_log *lo
 }
 
 static size_t choose_steps(const lg_machine *machine, const lg_machine_log *log, double part, size_t windows,
-                           bool estimated) {
+                           size_t before) {
     enum { TIMES = 10, LEAST = 100 };
-    const size_t before = rows_before(machine, estimated), typical = log->rows / log->parts;
+    const size_t typical = log->rows / log->parts;
     size_t most = (size_t)(part * (double)log->rows / (double)windows), slowest = 1;
     if (typical < before + LG_HELD_OUT_DELAY + 2) return 0;
     if (most > typical - before - LG_HELD_OUT_DELAY - 1) most = typical - before - LG_HELD_OUT_DELAY - 1;
@@ -107,9 +99,9 @@ static void find_weights(const lg_machine *machine, const lg_machine_log *log, l
 lg_status lg_held_out_plan(const lg_context *context, const lg_machine *machine, const lg_machine_log *log,
                            double part, size_t windows, bool estimated, lg_held_out *out, lg_error *error) {
     enum { LEAST_STEPS = 5, LEAST_WINDOWS = 4 };
-    *out =
-        (lg_held_out){.estimated = estimated, .before = rows_before(machine, estimated), .context = context};
-    out->steps = choose_steps(machine, log, part, windows, estimated);
+    *out = (lg_held_out){.estimated = estimated, .context = context};
+    if (estimated) out->before = lg_start_rows(machine) - 1;
+    out->steps = choose_steps(machine, log, part, windows, out->before);
     if (out->steps < LEAST_STEPS) return LG_OK;
     out->start = lg_alloc(context, log->rows / LEAST_STEPS + 1, sizeof *out->start);
     if (out->start == NULL) return lg_no_memory(error);
@@ -146,10 +138,7 @@ static size_t same_row(const lg_logs *from, size_t row, const lg_logs *to) {
     for (size_t p = 0; p < to->log.parts; p++) {
         if (to->part_run[p] != from->part_run[part]) continue;
         for (size_t k = to->log.first[p]; k < to->log.first[p + 1]; k++)
-            if (!(to->log.t[k] < t)) {
-                if (to->log.t[k] == t) return k;
-                break;
-            }
+            if (to->log.t[k] == t) return k;
     }
     return to->log.rows;
 }
@@ -170,43 +159,6 @@ lg_status lg_held_out_match(const lg_held_out *held, const lg_logs *from, const 
     return LG_OK;
 }
 
-/* ---- judging ---- */
-
-/* The weighted mean square of window w, whose predictions begin at q and v. */
-static double window_square(const lg_held_out *held, const lg_machine *machine, const lg_machine_log *log,
-                            size_t w, const double *q, const double *v) {
-    const size_t nq = machine->positions, nv = machine->velocities;
-    lg_point_error e[LG_POINT_ERRORS];
-    double sum = 0, count = 0;
-    for (size_t j = 1; j <= held->steps; j++) {
-        const size_t row = held->start[w] + j;
-        for (size_t k = lg_point_errors(machine, q + j * nq, v + j * nv, log->q + row * nq,
-                                        lg_log_shown(log) + row * nv, false, e);
-             k-- > 0;) {
-            const double weight = held->weight[e[k].number];
-            if (!(weight > 0) || isnan(e[k].error)) continue;
-            sum += weight * e[k].error * e[k].error;
-            count++;
-        }
-    }
-    return count > 0 ? sum / count : NAN;
-}
-
-lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *model,
-                            const lg_machine_log *log, double *square, lg_error *error) {
-    const lg_machine *m = model->machine;
-    const size_t points = held->steps + 1, all = held->count * points;
-    lg_learned_machine runs = *model;
-    LG_TRY_SCRATCH(double, q, held->context, all *(m->positions + m->velocities), lg_no_memory(error));
-    double *v = q + all * m->positions;
-    runs.start_rows = held->estimated ? (uint32_t)held->before + 1 : 0;
-    LG_TRY(lg_machine_run(&runs, log, held->start, held->count, held->steps, q, v, error));
-    for (size_t w = 0; w < held->count; w++)
-        square[w] =
-            window_square(held, m, log, w, q + w * points * m->positions, v + w * points * m->velocities);
-    return LG_OK;
-}
-
 /* ---- comparing ---- */
 
 /* Student's quantile that a mean exceeds by chance once in 200 times, rounded up: 2.6 for many windows. */
@@ -223,7 +175,7 @@ static double sign_test(double n, double wins) {
 }
 
 lg_held_out_ratio lg_held_out_compare(size_t count, const double *square, const double *than) {
-    static const double least = 1e-300, few = 24, rare = 0.005;
+    static const double least = 1e-300, few = 24, rare = 0.005, less = 0.95;
     double sums[2] = {0, 0}, mean = 0, spread = 0, used = 0, wins = 0;
     for (size_t i = 0; i < count; i++) {
         if (isnan(square[i]) || isnan(than[i])) continue;
@@ -241,5 +193,13 @@ lg_held_out_ratio lg_held_out_compare(size_t count, const double *square, const 
     out.better = !isfinite(sums[1]) ||
                  (out.ratio < 1 && (-mean > student((size_t)used) * sqrt(spread / (used - 1) / used) ||
                                     (used < few && sign_test(used, wins) < rare)));
+    out.clear = out.better && out.ratio < less;
     return out;
+}
+
+double lg_held_out_error(const lg_held_out *held, const double *square) {
+    double sum = 0, count = 0;
+    for (size_t i = 0; i < held->count; i++)
+        if (!isnan(square[i])) sum += square[i], count++;
+    return sqrt(sum / count);
 }

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "core/median.h"
-#include "machine/files/recipe.h"
+#include "machine/files/choice.h"
 
 const char *const lg_run_error_names[LG_RUN_ERRORS] = {
     [LG_ERROR_LINE] = "line",           [LG_ERROR_ANGLE] = "angle",
@@ -386,6 +386,29 @@ lg_status lg_machine_window_loss(const lg_learned_machine *model, const lg_machi
         for (size_t step = 1; step <= r.steps; step++)
             sum += point_loss(r.machine, e, errors_at(&r, i, step, false, true, e));
     *out = sum / ((double)r.count * (double)r.steps);
+    return LG_OK;
+}
+
+lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *model,
+                            const lg_machine_log *log, double *square, lg_error *error) {
+    lg_point_error e[LG_POINT_ERRORS];
+    lg_learned_machine own = *model;
+    own.start_rows = held->estimated ? (uint32_t)held->before + 1 : 0;
+    LG_CLEAN(runs_end)
+    runs r = {held->context,        model->machine,       .log = log,
+              .steps = held->steps, .count = held->count, .start = held->start};
+    LG_TRY(predict(lg_machine_run, &own, log, &r, error));
+    for (size_t i = 0; i < r.count; i++) {
+        double sum = 0, count = 0;
+        for (size_t step = 1; step <= r.steps; step++)
+            for (size_t k = errors_at(&r, i, step, false, false, e); k-- > 0;) {
+                const double weight = held->weight[e[k].number];
+                if (!(weight > 0) || isnan(e[k].error)) continue;
+                sum += weight * e[k].error * e[k].error;
+                count++;
+            }
+        square[i] = count > 0 ? sum / count : NAN;
+    }
     return LG_OK;
 }
 

@@ -92,22 +92,19 @@ static void write_change(const void *user, size_t index, lg_text *out) {
     lg_text_add(out, "}\n");
 }
 
-static lg_machine_comparison compare_on(size_t count, size_t rows, const double *one, const double *other) {
-    static const double less = 0.95;
-    const lg_held_out_ratio found = lg_held_out_compare(count, one, other);
-    return (lg_machine_comparison){found.ratio, found.better && found.ratio < less, rows};
-}
-
 /* The windows of the fits compare, for holds and delays add no parameter. If these windows cannot tell which
  * of the two trials is better, the long windows do that were held out. */
-static lg_machine_comparison compare(const lg_choosing *c, const lg_machine_trial *one,
-                                     const lg_machine_trial *other) {
+static lg_held_out_ratio compare(const lg_choosing *c, const lg_machine_trial *one,
+                                 const lg_machine_trial *other) {
     if (one->square == NULL || other->square == NULL)
-        return (lg_machine_comparison){.beats = one->square != NULL};
+        return (lg_held_out_ratio){.clear = one->square != NULL};
     const size_t fits = one->fits < other->fits ? one->fits : other->fits;
-    const lg_machine_comparison own = compare_on(fits, one->rows, one->left, other->left);
-    if (own.beats || compare_on(fits, one->rows, other->left, one->left).beats) return own;
-    return compare_on(c->held.count, c->held.steps, one->square, other->square);
+    lg_held_out_ratio out = lg_held_out_compare(fits, one->left, other->left);
+    out.rows = one->rows;
+    if (out.clear || lg_held_out_compare(fits, other->left, one->left).clear) return out;
+    out = lg_held_out_compare(c->held.count, one->square, other->square);
+    out.rows = c->held.steps;
+    return out;
 }
 
 /* A ratio as people say it: "1/44", or ".61". */
@@ -137,8 +134,8 @@ static void tell_choice(const lg_choosing *c, const grid *g, uint32_t hold, uint
     const lg_machine_state *s = self->state;
     const lg_machine *machine = &s->data.file.machine;
     const lg_machine_trial *chosen = trial_at(g, hold, delay);
-    const lg_machine_comparison held = compare(c, chosen, trial_at(g, LG_HOLD_ZERO, delay)),
-                                early = compare(c, chosen, trial_at(g, hold, 0));
+    const lg_held_out_ratio held = compare(c, chosen, trial_at(g, LG_HOLD_ZERO, delay)),
+                            early = compare(c, chosen, trial_at(g, hold, 0));
     const double dt = s->data.logs.dt_median;
     char text[32], who[96];
     if (g->holds > 1 && hold != LG_HOLD_ZERO) {
@@ -183,7 +180,7 @@ static void find_changes(const lg_choosing *c, const grid *g, uint32_t hold, uin
     for (size_t i = 0; i < out->count; i++) out->numbers[i].error = before[i];
     for (uint32_t h = 0; h < g->holds; h++) {
         const lg_machine_trial *trial = trial_at(g, h, delay);
-        if (trial == chosen || compare(c, chosen, trial).beats) continue;
+        if (trial == chosen || compare(c, chosen, trial).clear) continue;
         /* The two machines differ only in their hold, so they have equally many numbers. */
         (void)numbers_of(trial, other);
         for (size_t i = 0; i < out->count; i++)
@@ -207,9 +204,7 @@ static lg_status take(lg_training *self, const lg_choosing *c, grid *g, size_t w
         find_changes(c, g, hold, delay, &s->changes);
         tell_choice(c, g, hold, delay);
     }
-    LG_CLEAN(lg_text_destroy) lg_text text = lg_machine_changed(self->context, s->data.file.text);
-    write_change(g, winner, &text);
-    return lg_machine_reread(self, &text, error);
+    return lg_machine_reread(self, &chosen->text, error);
 }
 
 /* Tries the combinations of a grid, and takes the best one: the one with the least error, or the first one
@@ -219,7 +214,7 @@ static lg_status search(lg_training *self, grid *g, bool tell, lg_error *error) 
     enum { MOST_WINDOWS = 200 };
     static const double part = 0.2;
     const lg_machine_state *s = self->state;
-    const lg_machine_contest contest = {g->holds * g->delays, true, write_change, compare, g};
+    const lg_machine_contest contest = {g->holds * g->delays, true, true, write_change, compare, g};
     LG_CLEAN(lg_choosing_end) lg_choosing c;
     size_t winner = 0;
     LG_TRY(lg_choosing_begin(&c, self, part, LG_HELD_OUT_WINDOWS, MOST_WINDOWS, error));
@@ -233,28 +228,24 @@ static lg_status search(lg_training *self, grid *g, bool tell, lg_error *error) 
 
 /* First one hold and one delay for all inputs that have `auto`, then those of one such input after the
  * other. A file without `hold` gets one hold for all inputs. */
-static lg_status choose(lg_training *self, grid *g, lg_error *error) {
+lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
     const lg_machine_data *data = &((const lg_machine_state *)self->state)->data;
-    const uint32_t n = data->file.machine.input_count;
+    const lg_machine *machine = &data->file.machine;
+    const uint32_t n = machine->input_count;
+    if (n == 0 || machine->parameters == 0) return LG_OK;
     const bool all = !data->file.hold_given && !acts_alike(data);
     lg_log_input asked[LG_MACHINE_INPUTS];
     uint32_t count = 0;
+    grid g;
     memcpy(asked, data->file.inputs, sizeof asked);
     for (uint32_t i = 0; i < n; i++) count += asked[i].choose_hold || asked[i].choose_delay;
-    make_grid(asked, 0, n, all, g);
-    if (g->holds * g->delays > 1) LG_TRY(search(self, g, count <= 1, error));
+    make_grid(asked, 0, n, all, &g);
+    if (g.holds * g.delays > 1) LG_TRY(search(self, &g, count <= 1, error));
     for (uint32_t i = 0; i < n && count > 1; i++) {
-        make_grid(asked, i, i + 1, false, g);
-        if (g->holds * g->delays > 1) LG_TRY(search(self, g, true, error));
+        make_grid(asked, i, i + 1, false, &g);
+        if (g.holds * g.delays > 1) LG_TRY(search(self, &g, true, error));
     }
     return LG_OK;
-}
-
-lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
-    const lg_machine *machine = &((const lg_machine_state *)self->state)->data.file.machine;
-    if (machine->input_count == 0 || machine->parameters == 0) return LG_OK;
-    grid g;
-    return choose(self, &g, error);
 }
 
 /* Multiplies a parameter's row of W by the largest factor of the numbers that change with this parameter.
@@ -331,16 +322,16 @@ static void tell(lg_training *self, const char *key, const char *const *names, s
     if (!same) lg_result_open(self, "chosen", '[');
     for (uint32_t i = 0; i < (same ? 1 : n); i++)
         if (names == lg_input_holds)
-            lg_result_text(self, same ? "chosen" : NULL, names[value[i]], NULL);
+            lg_result_add(self, LG_TEXT(same ? "chosen" : NULL, names[value[i]], NULL));
         else
-            lg_result_whole(self, same ? "chosen" : NULL, value[i], NULL);
+            lg_result_add(self, LG_WHOLE(same ? "chosen" : NULL, value[i], NULL));
     if (!same) lg_result_close(self, ']');
     if (!alike) lg_result_open(self, "ratios", '[');
     for (uint32_t i = 0; i < (alike ? 1 : n); i++) {
         lg_result_open(self, alike ? "ratios" : NULL, '{');
         for (size_t k = 0; k < count; k++)
             if (k != value[i] && ratios[i * NEXT + k] > 0)
-                lg_result_real(self, names[k], ratios[i * NEXT + k], NULL);
+                LG_TELL(self, LG_REAL(names[k], ratios[i * NEXT + k], NULL));
         lg_result_close(self, '}');
     }
     if (!alike) lg_result_close(self, ']');

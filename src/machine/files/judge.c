@@ -246,6 +246,94 @@ static void warn_of_floor(const lg_training *self, const lg_machine_verdict *wha
             run->substeps, run->substeps == 1 ? "" : "s", floor, what->loss, 2 * run->substeps);
 }
 
+/* ---- lags that were learned ---- */
+
+static const char not_shown[] = "no lag that the log shows";
+static const double least_rows = 0.2; /* scales.lag[0], in rows */
+
+/* The learned lag of this input; NULL: none was learned. */
+static const lg_identified *find_lag(const lg_machine_verdict *what, const char *input) {
+    for (size_t i = 0; i < what->count; i++) {
+        const lg_identified *number = &what->identified.numbers[i];
+        if (strncmp(number->name, "lag.", 4) == 0 && strcmp(number->name + 4, input) == 0) return number;
+    }
+    return NULL;
+}
+
+/* The log shows no lag below its step, however small its stated error is. */
+static bool is_shown(const lg_machine *machine, const lg_identified *lag) {
+    return lag->value >= machine->scales.lag[0] / least_rows;
+}
+
+/* Warns of lags at an end of their range. */
+static void warn_of_lags(const lg_training *self, const lg_machine_verdict *what) {
+    static const double near_high = 0.95;
+    const lg_machine *machine = &((const lg_machine_model_run *)self->run)->machine;
+    const double *range = machine->scales.lag;
+    for (uint32_t i = 0; i < machine->input_count; i++) {
+        const lg_identified *lag = find_lag(what, machine->inputs[i]);
+        if (lag == NULL) continue;
+        if (!is_shown(machine, lag))
+            LG_WARN(self,
+                    "%s: %s: %.3g s is below the step between two rows, %.3g s; take `lag: none` for %s",
+                    lag->name, not_shown, lag->value, range[0] / least_rows, machine->inputs[i]);
+        if (lag->value > near_high * range[1])
+            LG_WARN(self,
+                    "%s: %.3g s is the longest lag that these logs can show: they have no part that is "
+                    "longer than five such times",
+                    lag->name, lag->value);
+    }
+}
+
+/* The time constant of an input in seconds, learned or known; 0: it has no lag. */
+static double lag_of(const lg_machine *machine, const lg_machine_verdict *what, uint32_t input) {
+    const lg_identified *learned = find_lag(what, machine->inputs[input]);
+    for (uint32_t i = 0; i < machine->term_count && learned == NULL; i++)
+        for (uint32_t k = 0; k < machine->terms[i].of_count && machine->terms[i].kind->order > 0; k++)
+            if (machine->terms[i].of[k].index == input) return machine->terms[i].values[k];
+    return learned != NULL ? learned->value : 0.0;
+}
+
+/* Writes the losses from each start of the scan, which is named by its seconds. */
+static lg_status tell_ratios(lg_training *self, lg_error *error) {
+    enum { ROOM = 24 };
+    const lg_machine_state *s = self->state;
+    const double row = ((const lg_machine_model_run *)self->run)->machine.scales.lag[0] / least_rows;
+    char *text;
+    LG_TRAINING_ARRAY(self, text, ROOM * LG_LAG_STARTS, error);
+    lg_result_open(self, "ratios", '{');
+    for (size_t i = 0; i < LG_LAG_STARTS; i++, text += ROOM) {
+        (void)lg_format(text, ROOM, "%.6g", lg_lag_starts[i] * row);
+        if (s->lag_ratios[i] > 0) LG_TELL(self, LG_REAL(text, s->lag_ratios[i], NULL));
+    }
+    lg_result_close(self, '}');
+    return LG_OK;
+}
+
+/* Writes {"chosen": seconds, or with several inputs a list where 0 is no lag; "ratios": {seconds of a start:
+ * its loss divided by the least one}}, and a sentence "warning" if the log does not show one of the lags.
+ * Nothing if no lag was learned. */
+static lg_status tell_lags(lg_training *self, const lg_machine_verdict *what, lg_error *error) {
+    const lg_machine *machine = &((const lg_machine_model_run *)self->run)->machine;
+    const uint32_t n = machine->input_count;
+    bool learned = false, shown = true;
+    for (uint32_t i = 0; i < n; i++) {
+        const lg_identified *lag = find_lag(what, machine->inputs[i]);
+        learned = learned || lag != NULL;
+        shown = shown && (lag == NULL || is_shown(machine, lag));
+    }
+    if (!learned) return LG_OK;
+    lg_result_open(self, "lag", '{');
+    if (n > 1) lg_result_open(self, "chosen", '[');
+    for (uint32_t i = 0; i < n; i++)
+        lg_result_add(self, LG_REAL(n > 1 ? NULL : "chosen", lag_of(machine, what, i), NULL));
+    if (n > 1) lg_result_close(self, ']');
+    LG_TRY(tell_ratios(self, error));
+    if (!shown) LG_TELL(self, LG_TEXT("warning", not_shown, NULL));
+    lg_result_close(self, '}');
+    return LG_OK;
+}
+
 /* ---- results ---- */
 
 /* Writes {name: {value, error}}. */
@@ -262,26 +350,22 @@ static void tell_numbers(lg_training *self, const lg_machine_verdict *what) {
 /* Writes whether the standard errors are those of white residuals. */
 static void tell_errors(lg_training *self, const lg_machine_verdict *what) {
     if (!what->converged) {
-        if (what->count > 0) lg_result_text(self, "errors", "the fit has not converged", NULL);
+        if (what->count > 0) LG_TELL(self, LG_TEXT("errors", "the fit has not converged", NULL));
         return;
     }
     const bool white = !(what->identified.block > 0.0);
     if (what->count > 0)
-        lg_result_text(self, "errors", white ? "white" : "corrected for correlation",
-                       white ? NULL : "the residuals are correlated in time");
+        LG_TELL(self, LG_TEXT("errors", white ? "white" : "corrected for correlation",
+                              white ? NULL : "the residuals are correlated in time"));
 }
 
 /* Writes {coordinate: its positions}. */
 static void tell_place(lg_training *self, const lg_machine *machine, const lg_machine_verdict *what) {
-    const double *q = what->positions;
     if (!what->placed) return;
     lg_result_open(self, "mass_at", '{');
-    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        lg_result_open(self, machine->coordinates[i].name, '[');
-        for (uint32_t k = lg_coordinate_positions(machine->coordinates[i].kind); k > 0; k--)
-            lg_result_real(self, NULL, *q++, NULL);
-        lg_result_close(self, ']');
-    }
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
+        LG_TELL(self, LG_AS_REALS(machine->coordinates[at.index].name, what->positions + at.position,
+                                  at.positions));
     lg_result_close(self, '}');
 }
 
@@ -298,7 +382,7 @@ static lg_status tell_correlations(lg_training *self, const lg_machine_verdict *
             if (!(fabs(r) > strong)) continue;
             LG_TRAINING_ARRAY(self, both, BOTH, error);
             (void)snprintf(both, BOTH, "%s,%s", of->numbers[i].name, of->numbers[j].name);
-            lg_result_real(self, both, r, NULL);
+            LG_TELL(self, LG_REAL(both, r, NULL));
         }
     lg_result_close(self, '}');
     return LG_OK;
@@ -317,27 +401,26 @@ static void tell_gauge(lg_training *self, const lg_machine *machine, lg_machine_
     else if (free)
         (void)lg_format(what->gauge, sizeof what->gauge, "nothing: learning left %s at %.6g", open->name,
                         open->value);
-    lg_result_text(self, "gauge", what->gauge, NULL);
+    LG_TELL(self, LG_TEXT("gauge", what->gauge, NULL));
 }
 
 static lg_status tell(lg_training *self, lg_machine_verdict *what, lg_error *error) {
     const lg_machine_model_run *run = self->run;
     const lg_machine *machine = &run->machine;
-    lg_result_real(self, "loss", what->loss, "mean over windows and rows");
-    lg_result_real(self, "expected_loss", what->expected, "of a model that explains the logs");
-    lg_result_real(self, "validation", lg_training_validation(self),
-                   "loss of the windows that are not trained on");
-    lg_result_whole(self, "windows", run->windows, NULL);
-    lg_result_whole(self, "parameters", machine->parameters, NULL);
+    LG_TELL(
+        self, LG_REAL("loss", what->loss, "mean over windows and rows"),
+        LG_REAL("expected_loss", what->expected, "of a model that explains the logs"),
+        LG_REAL("validation", lg_training_validation(self), "loss of the windows that are not trained on"),
+        LG_WHOLE("windows", run->windows, NULL), LG_WHOLE("parameters", machine->parameters, NULL));
     if (run->start_rows > 0)
-        lg_result_whole(self, "start_rows", run->start_rows, "rows that estimate the state at a start");
+        LG_TELL(self, LG_WHOLE("start_rows", run->start_rows, "rows that estimate the state at a start"));
     tell_numbers(self, what);
     tell_errors(self, what);
     tell_place(self, machine, what);
     LG_TRY(tell_correlations(self, what, error));
     tell_gauge(self, machine, what);
     lg_machine_tell_inputs(self);
-    LG_TRY(lg_machine_tell_lags(self, what, error));
+    LG_TRY(tell_lags(self, what, error));
     lg_machine_tell_suggestion(self);
     lg_machine_tell_selection(self);
     self->first_count = self->result_count;
@@ -397,6 +480,6 @@ lg_status lg_machine_judge(lg_training *self, double *theta, lg_error *error) {
     warn_of_open(self, &what->identified, what->count);
     warn_of_numbers(self, what);
     warn_of_positions(self, machine);
-    lg_machine_warn_of_lags(self, what);
+    warn_of_lags(self, what);
     return tell(self, what, error);
 }

@@ -323,7 +323,7 @@ static lg_status refuse_outliers(const check *c, uint32_t column, uint32_t other
         }
     const fit f = compare_rest(c, 1);
     if (count == 0 || f.correlation < FITS || !slope_is_right(&f)) return LG_OK;
-    return lg_log_fail(c->table, at,
+    return LG_LOG_FAIL(c->table, at,
                        "column %s: jumps to %.6g; %zu steps are more than %.0f times the usual step, but "
                        "column %s does not show them: if these cells are outliers, leave them empty",
                        c->table->machine->columns[column].name, x[at * width], count, far,

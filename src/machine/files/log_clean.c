@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "files/h5.h"
 #include "machine/files/log_table.h"
 #include "liegrad/geometry.h"
 
@@ -69,22 +70,16 @@ static lg_status mend_attitude(cleaning *c, size_t row, double *x) {
     }
     lg_log_names_of(c->table, c->where->attitude, count, &names);
     if (reflection)
-        return lg_log_fail(c->table, row,
+        return LG_LOG_FAIL(c->table, row,
                            "columns %s: the matrix has determinant -1, so it is a reflection, not a "
                            "rotation: is an axis reversed, or are two columns swapped?",
                            names.text);
     if (count == 9)
-        return lg_log_fail(c->table, row,
+        return LG_LOG_FAIL(c->table, row,
                            "columns %s: not a rotation matrix: it differs from the nearest one by %.3g",
                            names.text, off);
-    return lg_log_fail(c->table, row, "columns %s: not a %s: length %.6g instead of 1", names.text,
+    return LG_LOG_FAIL(c->table, row, "columns %s: not a %s: length %.6g instead of 1", names.text,
                        whats[count], length);
-}
-
-static bool any_nan(const double *x, uint32_t n) {
-    for (uint32_t i = 0; i < n; i++)
-        if (isnan(x[i])) return true;
-    return false;
 }
 
 static lg_status clean_attitudes(cleaning *c, size_t part) {
@@ -93,10 +88,10 @@ static lg_status clean_attitudes(cleaning *c, size_t part) {
     const double *before = NULL;
     for (size_t row = table->first[part]; row < table->first[part + 1]; row++) {
         double *x = lg_log_row(table, row) + c->where->attitude, dot = 0;
-        if (any_nan(x, count)) {
-            for (uint32_t i = 0; i < count; i++) x[i] = NAN;
-            continue;
-        }
+        bool missing = false;
+        for (uint32_t i = 0; i < count; i++) missing = missing || isnan(x[i]);
+        for (uint32_t i = 0; i < count && missing; i++) x[i] = NAN;
+        if (missing) continue;
         LG_TRY(mend_attitude(c, row, x));
         if (count != 4) continue;
         for (uint32_t i = 0; i < 4 && before != NULL; i++) dot += x[i] * before[i];
@@ -187,12 +182,12 @@ static lg_status check_angle(cleaning *c) {
     const double range = known->high - known->low, scale = DEGREE * table->machine->columns[column].scale;
     const steps s = look_at_steps(c);
     if (range > 50 && s.largest > 300 && s.largest < 420)
-        return lg_log_fail(
+        return LG_LOG_FAIL(
             table, s.at,
             "column %s: goes from %.6g to %.6g and jumps by %.6g: if it is in degrees, set scale: {%s: %.6g}",
             name, known->low, known->high, s.largest, name, scale);
     if (table->machine->unwrap && range > 1.1 * TURN && s.odd > 0)
-        return lg_log_fail(
+        return LG_LOG_FAIL(
             table, s.odd,
             "column %s: changes by %.4g from one row to the next, which is not a turn of 2 pi: for degrees, "
             "set scale: {%s: %.6g}; for radians that are not wrapped, set unwrap: false",

@@ -16,6 +16,7 @@
 #include <string.h>
 
 #include "core/median.h"
+#include "files/h5.h"
 #include "machine/files/log_table.h"
 
 enum { FEWEST = 20, BESIDE = 2, AROUND = 10, LONGEST = 2 };
@@ -224,7 +225,7 @@ static void mend_column(trace *x) {
     }
     t->out->columns[x->column].outliers = of[1].count;
     if (of[0].count > 0)
-        lg_log_warn_at(t, of[0].row,
+        LG_LOG_WARN_AT(t, of[0].row,
                        "column %s: %zu values jump away from their neighbours and return, the first is %.6g; "
                        "these are more than %g %% of a part, so they are kept",
                        c->name, of[0].count, of[0].value, 100 * most);
@@ -232,7 +233,7 @@ static void mend_column(trace *x) {
     /* The range of an angle stays: it was measured before angles were unwrapped. */
     if (c->role != LG_LOG_POSITION || t->machine->machine.coordinates[c->index].kind != LG_COORDINATE_ANGLE)
         lg_log_range(t, x->column);
-    lg_log_warn_at(
+    LG_LOG_WARN_AT(
         t, of[1].row,
         "column %s: %.6g is an outlier: the value jumps away from its neighbours and returns; it is "
         "the first of %zu outliers, which are left out",
@@ -312,7 +313,7 @@ static void warn_of_jumps(lg_log_table *t, uint32_t column, size_t first, size_t
             at = row;
     }
     if (count == 0) return;
-    lg_log_warn_at(t, at,
+    LG_LOG_WARN_AT(t, at,
                    "column %s: jumps to %.6g and back, but most rows are between %.6g and %.6g; this "
                    "is the first of %zu such jumps: if these cells are outliers, leave them empty",
                    t->machine->columns[column].name, lg_log_row(t, at)[column], b->low, b->high, count);
@@ -328,7 +329,7 @@ static lg_status refuse_huge(const lg_log_table *t, uint32_t column, size_t firs
         char others[80] = "";
         if (b != NULL)
             (void)lg_format(others, sizeof others, " (most rows are between %.6g and %.6g)", b->low, b->high);
-        return lg_log_fail(t, row,
+        return LG_LOG_FAIL(t, row,
                            "column %s: %.6g is so large that the other rows vanish in its rounding error%s: "
                            "if this cell is an outlier, leave it empty",
                            t->machine->columns[column].name, x, others);

@@ -12,17 +12,6 @@ lg_status lg_log_no_memory(const lg_log_table *table) {
     return lg_no_memory_for(table->paths[0], table->error);
 }
 
-lg_status lg_log_fail(const lg_log_table *table, size_t row, const char *format, ...) {
-    char text[400];
-    va_list arguments;
-    const lg_log_origin *o = &table->origin[row];
-    va_start(arguments, format);
-    (void)lg_format_list(text, sizeof text, format, arguments);
-    va_end(arguments);
-    return lg_fail(table->error, LG_FORMAT, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]),
-                   table->place[o->file], o->line, text);
-}
-
 void lg_log_warn(lg_log_table *table, const char *format, ...) {
     va_list arguments;
     lg_logs *out = table->out;
@@ -38,17 +27,6 @@ void lg_log_warn(lg_log_table *table, const char *format, ...) {
     va_start(arguments, format);
     (void)lg_format_list(out->warnings[out->warning_count++], LG_LOG_SENTENCE, format, arguments);
     va_end(arguments);
-}
-
-void lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ...) {
-    char text[LG_LOG_SENTENCE];
-    va_list arguments;
-    const lg_log_origin *o = &table->origin[row];
-    va_start(arguments, format);
-    (void)lg_format_list(text, sizeof text, format, arguments);
-    va_end(arguments);
-    lg_log_warn(table, "%s: %s %zu: %s", lg_shown_path(table->paths[o->file]), table->place[o->file], o->line,
-                text);
 }
 
 void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_name_list *names) {

@@ -48,14 +48,17 @@ static inline bool lg_log_is_value(const lg_log_table *table, uint32_t column) {
     return column != table->machine->time && column != table->machine->run;
 }
 
-/* Fails with LG_FORMAT and a message that begins with "FILE: line 7: " of the row. */
-lg_status lg_log_fail(const lg_log_table *table, size_t row, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
 lg_status lg_log_no_memory(const lg_log_table *table);
-/* Adds a warning; lg_log_warn_at one that begins with "FILE: line 7: " of the row. */
+/* Adds a warning. */
 void lg_log_warn(lg_log_table *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
-void lg_log_warn_at(lg_log_table *table, size_t row, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
+/* Add a warning, or fail with LG_FORMAT and a message, that begins with "FILE: line 7: " of the row. */
+#define LG_LOG_WARN_AT(table, row, format, ...)                                                              \
+    lg_log_warn(table, "%s: %s %zu: " format, LG_LOG_PLACE(table, row), __VA_ARGS__)
+#define LG_LOG_FAIL(table, row, format, ...)                                                                 \
+    lg_fail((table)->error, LG_FORMAT, "%s: %s %zu: " format, LG_LOG_PLACE(table, row), __VA_ARGS__)
+#define LG_LOG_PLACE(table, row)                                                                             \
+    lg_shown_path((table)->paths[(table)->origin[row].file]), (table)->place[(table)->origin[row].file],     \
+        (table)->origin[row].line
 /* Lists the names of columns first .. first + count - 1. */
 void lg_log_names_of(const lg_log_table *table, uint32_t first, uint32_t count, lg_name_list *names);
 
@@ -76,10 +79,6 @@ size_t lg_log_file_end(const lg_log_table *table, size_t first);
 lg_status lg_log_clean(lg_log_table *table);
 /* Leaves out outliers of positions of lines and angles and of velocities, with a warning for each column. */
 lg_status lg_log_leave_out_outliers(lg_log_table *table);
-/* Replaces what is not measured of the rows of `out` by integrals: positions with `measured:
- * velocities-only`; with `measured: accelerations`, where v holds these, it moves them to a and fills q and v
- * (speeds.c). */
-lg_status lg_log_integrate(const lg_log_table *table, lg_logs *out);
 /* Compares positions with velocities; refuses or warns of columns that do not belong together. */
 lg_status lg_log_check(lg_log_table *table);
 

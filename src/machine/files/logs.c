@@ -30,7 +30,7 @@ static lg_status steps_of_file(const lg_log_table *t, size_t *row, double *steps
         if (t->origin[*row].run != t->origin[*row - 1].run) continue;
         const double before = lg_log_time(t, *row - 1), now = lg_log_time(t, *row);
         if (!(now > before))
-            return lg_log_fail(
+            return LG_LOG_FAIL(
                 t, *row,
                 "column %s: time does not increase: %.9g after %.9g. Two clocks, a restart, or rows out of "
                 "order? Name a column that separates the runs (columns: {run: ...}), or sort the rows",
@@ -41,7 +41,8 @@ static lg_status steps_of_file(const lg_log_table *t, size_t *row, double *steps
 }
 
 /* Finds the median time step of all files, and warns if the files' medians differ much. */
-static lg_status find_steps(lg_log_table *t, double *steps) {
+static lg_status find_steps(lg_log_table *t) {
+    LG_TRY_SCRATCH(double, steps, t->context, t->rows, lg_log_no_memory(t));
     lg_logs *out = t->out;
     double least = INFINITY, most = 0;
     uint32_t slow = 0, fast = 0;
@@ -65,19 +66,7 @@ static lg_status find_steps(lg_log_table *t, double *steps) {
     return LG_OK;
 }
 
-static lg_status measure_steps(lg_log_table *t) {
-    LG_TRY_SCRATCH(double, steps, t->context, t->rows, lg_log_no_memory(t));
-    return find_steps(t, steps);
-}
-
 /* ---- statistics of columns ---- */
-
-static void measure_column(const lg_log_table *t, uint32_t column) {
-    lg_log_statistics *s = &t->out->columns[column];
-    *s = (lg_log_statistics){.noise = NAN};
-    for (size_t row = 0; row < t->rows; row++) s->missing += isnan(lg_log_row(t, row)[column]);
-    lg_log_range(t, column);
-}
 
 /* Whether a row has all positions and all measured velocities. */
 static bool row_is_complete(const lg_log_table *t, size_t row) {
@@ -107,8 +96,13 @@ static lg_status check_file(const lg_log_table *t, size_t first, size_t end) {
 }
 
 static lg_status measure_columns(const lg_log_table *t) {
-    for (uint32_t i = 0; i < t->columns; i++)
-        if (lg_log_is_value(t, i)) measure_column(t, i);
+    for (uint32_t i = 0; i < t->columns; i++) {
+        lg_log_statistics *s = &t->out->columns[i];
+        if (!lg_log_is_value(t, i)) continue;
+        *s = (lg_log_statistics){.noise = NAN};
+        for (size_t row = 0; row < t->rows; row++) s->missing += isnan(lg_log_row(t, row)[i]);
+        lg_log_range(t, i);
+    }
     for (size_t first = 0; first < t->rows; first = lg_log_file_end(t, first))
         LG_TRY(check_file(t, first, lg_log_file_end(t, first)));
     return LG_OK;
@@ -142,11 +136,6 @@ static void warn_of_columns(lg_log_table *t) {
 
 /* ---- parts ---- */
 
-static bool follows(const lg_log_table *t, size_t row) {
-    return t->origin[row].run == t->origin[row - 1].run &&
-           lg_log_time(t, row) - lg_log_time(t, row - 1) <= t->out->max_step * (1 + ROUNDING);
-}
-
 /* Delays inputs in a stretch without gaps: row j gets the input of row j - delay; the first rows get none. */
 static void delay_inputs(const lg_log_table *t, size_t begin, size_t end) {
     for (uint32_t i = 0; i < t->columns; i++) {
@@ -174,14 +163,6 @@ typedef struct growing {
     size_t kept, begin; /* rows that are kept so far; first row of the open part */
 } growing;
 
-static void keep_row(lg_log_table *t, growing *g, size_t row) {
-    if (row != g->kept) {
-        memcpy(lg_log_row(t, g->kept), lg_log_row(t, row), t->columns * sizeof *t->data);
-        t->origin[g->kept] = t->origin[row];
-    }
-    g->kept++;
-}
-
 /* Closes the open part; drops it if it has only one row. */
 static void close_part(lg_log_table *t, growing *g) {
     if (g->kept - g->begin >= 2) {
@@ -198,7 +179,11 @@ static void cut_stretch(lg_log_table *t, growing *g, size_t begin, size_t end) {
     for (size_t row = begin; row < end; row++) {
         bool needed;
         const bool missing = input_is_missing(t, row, &needed);
-        if (!needed) keep_row(t, g, row);
+        if (!needed && row != g->kept) {
+            memcpy(lg_log_row(t, g->kept), lg_log_row(t, row), t->columns * sizeof *t->data);
+            t->origin[g->kept] = t->origin[row];
+        }
+        g->kept += !needed;
         if (missing) close_part(t, g);
     }
     close_part(t, g);
@@ -225,7 +210,9 @@ static lg_status cut(lg_log_table *t) {
     t->first = lg_alloc(t->context, t->rows + 1, sizeof *t->first);
     if (t->first == NULL) return lg_log_no_memory(t);
     for (size_t begin = 0, end = 1; begin < t->rows; begin = end++) {
-        while (end < t->rows && follows(t, end)) end++, steps++;
+        while (end < t->rows && t->origin[end].run == t->origin[end - 1].run &&
+               lg_log_time(t, end) - lg_log_time(t, end - 1) <= t->out->max_step * (1 + ROUNDING))
+            end++, steps++;
         t->out->gaps += end < t->rows && t->origin[end].run == t->origin[end - 1].run;
         cut_stretch(t, &g, begin, end);
     }
@@ -241,6 +228,96 @@ static lg_status cut(lg_log_table *t) {
             t->machine->columns[t->machine->time].name);
     return lg_fail(t->error, LG_FORMAT, "%s: no two rows with inputs follow each other%s", first_path(t),
                    late ? ": is the delay longer than the runs?" : "");
+}
+
+/* ---- integrals ---- */
+
+/* Logs that measure velocities alone: positions are their integrals from 0 at the start of each part. Logs
+ * that measure accelerations alone: velocities and positions are integrals without their drift, guesses from
+ * which the starts of windows are estimated. */
+
+/* out (rows, velocities): integrals of x from 0 at the start of each part; a missing number is the one
+ * before. */
+static void integrate(const lg_log_table *table, const double *x, double *out) {
+    const size_t n = table->machine->machine.velocities;
+    double held[LG_MACHINE_VELOCITIES], next[LG_MACHINE_VELOCITIES];
+    for (size_t part = 0; part < table->parts; part++)
+        for (size_t row = table->first[part], begin = row; row < table->first[part + 1]; row++)
+            for (size_t k = 0; k < n; k++) {
+                const double here = x[row * n + k];
+                next[k] = !isnan(here) ? here : row > begin ? held[k] : 0.0;
+                const double h = row > begin ? lg_log_time(table, row) - lg_log_time(table, row - 1) : 0.0;
+                out[row * n + k] = row > begin ? out[(row - 1) * n + k] + 0.5 * h * (held[k] + next[k]) : 0.0;
+                held[k] = next[k];
+            }
+}
+
+/* A straight line, x0 + slope (t - t0). */
+typedef struct line {
+    double t0, x0, slope;
+} line;
+
+static line fit_line(const lg_log_table *table, const double *x, size_t k, size_t first, size_t end) {
+    const size_t n = table->machine->machine.velocities;
+    const double count = (double)(end - first);
+    double t0 = 0, x0 = 0, tt = 0, tx = 0;
+    for (size_t row = first; row < end; row++) {
+        t0 += lg_log_time(table, row) / count;
+        x0 += x[row * n + k] / count;
+    }
+    for (size_t row = first; row < end; row++) {
+        const double t = lg_log_time(table, row) - t0;
+        tt += t * t;
+        tx += t * (x[row * n + k] - x0);
+    }
+    return (line){t0, x0, tt > 0 ? tx / tt : 0};
+}
+
+static double line_at(const line *of, double t) {
+    return of->x0 + of->slope * (t - of->t0);
+}
+
+/* Subtracts from number k of rows first .. end - 1 what drifts: the lines through pieces of PIECE rows, half
+ * of which each shares with the next, blended linearly from one to the next. work (rows) */
+static void remove_drift(const lg_log_table *table, double *x, size_t k, size_t first, size_t end,
+                         double *work) {
+    enum { PIECE = 400, HALF = PIECE / 2 };
+    const size_t n = table->machine->machine.velocities;
+    line now = fit_line(table, x, k, first, end < first + PIECE ? end : first + PIECE), next = now;
+    for (size_t begin = first; begin < end; begin += HALF) {
+        const size_t stop = end < begin + HALF ? end : begin + HALF;
+        const bool more = begin > first && begin + PIECE <= end;
+        now = next;
+        if (more) next = fit_line(table, x, k, begin, begin + PIECE);
+        for (size_t row = begin; row < stop; row++) {
+            const double t = lg_log_time(table, row), share = (double)(row - begin) / HALF;
+            work[row] = (1 - share) * line_at(&now, t) + share * line_at(&next, t);
+        }
+    }
+    for (size_t row = first; row < end; row++) x[row * n + k] -= work[row];
+}
+
+static void remove_drifts(const lg_log_table *table, double *x, double *work) {
+    for (size_t part = 0; part < table->parts; part++)
+        for (size_t k = 0; k < table->machine->machine.velocities; k++)
+            remove_drift(table, x, k, table->first[part], table->first[part + 1], work);
+}
+
+/* Replaces what is not measured of the rows of `out`: positions with `measured: velocities-only`; with
+ * `measured: accelerations`, where v holds these, it moves them to a and fills q and v. */
+static lg_status integrate_all(const lg_log_table *table, lg_logs *out) {
+    const size_t n = table->machine->machine.velocities;
+    if (table->machine->measured == LG_MEASURED_VELOCITIES_ONLY) integrate(table, out->v, out->q);
+    if (table->machine->measured != LG_MEASURED_ACCELERATIONS) return LG_OK;
+    LG_TRY_SCRATCH(double, work, table->context, table->rows, LG_OUT_OF_MEMORY);
+    out->a = lg_alloc(table->context, table->rows, n * sizeof *out->a);
+    if (out->a == NULL) return LG_OUT_OF_MEMORY;
+    memcpy(out->a, out->v, table->rows * n * sizeof *out->a);
+    integrate(table, out->a, out->v);
+    remove_drifts(table, out->v, work);
+    integrate(table, out->v, out->q);
+    remove_drifts(table, out->q, work);
+    return LG_OK;
 }
 
 /* ---- logs in the machine's order ---- */
@@ -260,18 +337,7 @@ static void fill_state(const lg_log_table *t, size_t row, double *q, double *v) 
     }
 }
 
-static void fill_inputs(const lg_log_table *t, size_t part, double *work) {
-    const size_t inputs = t->machine->machine.input_count, begin = t->first[part], end = t->first[part + 1];
-    for (uint32_t i = 0; i < t->columns; i++) {
-        const lg_log_column *c = &t->machine->columns[i];
-        if (c->role == LG_LOG_INPUT)
-            lg_log_act(t->machine->inputs[c->index].hold, end - begin, t->out->t + begin,
-                       lg_log_row(t, begin) + i, t->columns, inputs, work,
-                       t->out->u + 4 * begin * inputs + c->index);
-    }
-}
-
-static lg_status allocate(const lg_log_table *t) {
+static lg_status fill(lg_log_table *t) {
     lg_logs *out = t->out;
     const lg_machine *m = &t->machine->machine;
     const size_t rows = t->rows, each = 1 + m->positions + m->velocities + 4 * m->input_count;
@@ -282,27 +348,27 @@ static lg_status allocate(const lg_log_table *t) {
     out->v = out->q + rows * m->positions;
     out->u = out->v + rows * m->velocities;
     out->part_run = out->part_file + t->parts;
-    return LG_OK;
-}
-
-static lg_status fill(lg_log_table *t) {
-    lg_logs *out = t->out;
-    const lg_machine *m = &t->machine->machine;
-    LG_TRY(allocate(t));
-    LG_TRY_SCRATCH(double, work, t->context, 3 * t->rows, lg_log_no_memory(t));
-    for (size_t row = 0; row < t->rows; row++) {
+    LG_TRY_SCRATCH(double, work, t->context, 3 * rows, lg_log_no_memory(t));
+    for (size_t row = 0; row < rows; row++) {
         out->t[row] = lg_log_time(t, row);
         fill_state(t, row, out->q + row * m->positions, out->v + row * m->velocities);
     }
-    if (lg_log_integrate(t, out) != LG_OK) return lg_log_no_memory(t);
+    if (integrate_all(t, out) != LG_OK) return lg_log_no_memory(t);
     for (size_t part = 0; part < t->parts; part++) {
         out->part_file[part] = t->origin[t->first[part]].file;
-        out->part_run[part] = t->origin[t->first[part]].run;
-        fill_inputs(t, part, work);
+        const size_t inputs = m->input_count, begin = t->first[part], end = t->first[part + 1];
+        out->part_run[part] = t->origin[begin].run;
+        for (uint32_t i = 0; i < t->columns; i++) {
+            const lg_log_column *c = &t->machine->columns[i];
+            if (c->role == LG_LOG_INPUT)
+                lg_log_act(t->machine->inputs[c->index].hold, end - begin, out->t + begin,
+                           lg_log_row(t, begin) + i, t->columns, inputs, work,
+                           out->u + 4 * begin * inputs + c->index);
+        }
     }
     out->first = t->first;
     t->first = NULL;
-    out->log = (lg_machine_log){.rows = t->rows,
+    out->log = (lg_machine_log){.rows = rows,
                                 .parts = t->parts,
                                 .first = out->first,
                                 .t = out->t,
@@ -325,7 +391,7 @@ static lg_status read_logs(lg_log_table *t) {
         const lg_log_input *input = &t->machine->inputs[i];
         t->out->delay[i] = input->estimate_delay ? t->options->delay : input->delay;
     }
-    LG_TRY(measure_steps(t));
+    LG_TRY(find_steps(t));
     LG_TRY(measure_columns(t));
     warn_of_columns(t);
     LG_TRY(lg_log_compare_with_range(t));
@@ -337,8 +403,11 @@ static lg_status read_logs(lg_log_table *t) {
     return t->failed || t->names.failed ? lg_log_no_memory(t) : fill(t);
 }
 
-static lg_status check_call(const lg_machine_file *file, const char *const *paths, size_t count,
-                            const lg_log_options *options, const lg_logs *out, lg_error *error) {
+lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, const char *const *paths,
+                       size_t count, const lg_log_options *options, lg_logs *out, lg_error *error) {
+    lg_log_options defaults;
+    lg_log_options_init(&defaults);
+    if (options == NULL) options = &defaults;
     if (file == NULL || paths == NULL || out == NULL || count < 1 || count > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "logs: a machine file and at least one log are needed");
     if (options->size != sizeof *options)
@@ -346,15 +415,6 @@ static lg_status check_call(const lg_machine_file *file, const char *const *path
     for (size_t i = 0; i < count; i++)
         if (paths[i] == NULL || *paths[i] == '\0')
             return lg_fail(error, LG_INVALID_ARGUMENT, "a log needs a name");
-    return LG_OK;
-}
-
-lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file, const char *const *paths,
-                       size_t count, const lg_log_options *options, lg_logs *out, lg_error *error) {
-    lg_log_options defaults;
-    lg_log_options_init(&defaults);
-    if (options == NULL) options = &defaults;
-    LG_TRY(check_call(file, paths, count, options, out, error));
     lg_log_table t = {.context = context,
                       .machine = file,
                       .paths = paths,

@@ -5,6 +5,7 @@
 
 #include "files/h5.h"
 #include "machine/files/reading.h"
+#include "machine/files/recipe.h"
 
 typedef lg_machine_reading reading;
 
@@ -284,15 +285,6 @@ static lg_status read_coordinate(reading *r, const yaml_node_t *node) {
     return lg_yaml_store(r->yaml, coordinate_keys, values, OF_COUNT, c, r->error);
 }
 
-static lg_status read_coordinates(reading *r, const lg_key_value *value) {
-    const yaml_node_t *list = value->node;
-    if (list->type != YAML_SEQUENCE_NODE || lg_node_items(list) == 0)
-        return LG_FAULT(r, value->line, "coordinates: expected a list of {name: ..., kind: ...}");
-    for (size_t i = 0; i < lg_node_items(list); i++)
-        LG_TRY(read_coordinate(r, lg_node_item(r->yaml, list, i)));
-    return LG_OK;
-}
-
 /* ---- inputs ---- */
 
 static lg_status add_input(reading *r, uint32_t line, const char *name, void *user) {
@@ -308,12 +300,6 @@ static lg_status add_input(reading *r, uint32_t line, const char *name, void *us
     LG_TRY(add_column(r, line, name, &what));
     memcpy(m->inputs[m->input_count++], name, strlen(name) + 1);
     return LG_OK;
-}
-
-static lg_status read_inputs(reading *r, const lg_key_value *values) {
-    if (values[KEY_INPUTS].line == 0) return LG_OK;
-    LG_TRY(lg_machine_texts(r, values[KEY_INPUT_COLUMNS].node, "inputs.columns", add_input, NULL));
-    return lg_machine_read_timing(r, &values[KEY_HOLD], &values[KEY_DELAY]);
 }
 
 /* ---- numbers of columns ---- */
@@ -349,19 +335,57 @@ static lg_status read_numbers(reading *r, const lg_field *key, const lg_key_valu
     return LG_OK;
 }
 
-/* ---- the file ---- */
+/* ---- dependence on positions ---- */
 
-/* The line of the term that an error sentence begins with, "mass of kind known: ..."; 0: no term. */
-static uint32_t line_at_fault(const reading *r, const char *sentence) {
-    char name[64];
-    for (uint32_t i = 0; i < r->out->machine.term_count; i++) {
-        const lg_machine_term *term = &r->out->machine.terms[i];
-        (void)snprintf(name, sizeof name, "%s of kind %s:", lg_machine_part_name(term->part),
-                       lg_term_kind_name(term->kind));
-        if (strncmp(sentence, name, strlen(name)) == 0) return r->lines[i];
-    }
-    return 0;
+/* A potential that is linear in a line: a constant force, wherever the line is. */
+static bool is_constant_force(const lg_machine *machine, const lg_machine_term *term, uint32_t coordinate) {
+    const char *name = lg_term_kind_name(term->kind);
+    const bool linear = strcmp(name, "linear") == 0 || strcmp(name, "gravity") == 0;
+    return term->part == LG_MACHINE_POTENTIAL && linear &&
+           machine->coordinates[coordinate].kind == LG_COORDINATE_LINE;
 }
+
+/* Whether feature k of a term is a position on which the term depends. */
+static bool uses(const lg_machine *machine, const lg_machine_term *term, uint32_t k) {
+    const lg_machine_feature of = term->of[k];
+    return term->part != LG_MACHINE_OFFSET && of.kind != LG_FEATURE_VELOCITY && of.kind != LG_FEATURE_INPUT &&
+           !is_constant_force(machine, term, of.index);
+}
+
+bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate) {
+    for (uint32_t t = 0; t < machine->term_count; t++)
+        for (uint32_t k = 0; k < machine->terms[t].of_count; k++)
+            if (machine->terms[t].of[k].index == coordinate && uses(machine, &machine->terms[t], k))
+                return true;
+    return false;
+}
+
+/* Logs that measure velocities alone, a drive's speed: nothing may depend on positions. */
+static lg_status refuse_positions(reading *r) {
+    const lg_machine *machine = &r->out->machine;
+    if (r->out->measured != LG_MEASURED_VELOCITIES_ONLY) return LG_OK;
+    for (uint32_t i = 0; i < machine->coordinate_count; i++)
+        if (machine->coordinates[i].kind > LG_COORDINATE_ANGLE)
+            return LG_FAULT(r, 1, "%s: with `measured: velocities-only` a coordinate is a line or an angle",
+                            machine->coordinates[i].name);
+    if (machine->grey.system != NULL) /* all systems of lines and angles have a potential */
+        return LG_FAULT(r, 1,
+                        "system: %s depends on positions, but the log has velocities alone: log the "
+                        "positions too",
+                        machine->grey.system->name);
+    for (uint32_t t = 0; t < machine->term_count; t++)
+        for (uint32_t k = 0; k < machine->terms[t].of_count; k++)
+            if (uses(machine, &machine->terms[t], k))
+                return LG_FAULT(
+                    r, r->lines[t],
+                    "%s: depends on the position of %s, but the log has velocities alone: log the "
+                    "position too, or leave this out",
+                    lg_machine_part_name(machine->terms[t].part),
+                    machine->coordinates[machine->terms[t].of[k].index].name);
+    return LG_OK;
+}
+
+/* ---- the file ---- */
 
 static lg_status finish_machine(reading *r) {
     lg_error inner = {LG_OK, ""};
@@ -369,8 +393,14 @@ static lg_status finish_machine(reading *r) {
     lg_machine_scales_init(&m->scales);
     const lg_status status = lg_machine_init(m, &inner);
     if (status == LG_OK) return LG_OK;
-    const uint32_t line = line_at_fault(r, inner.message);
-    if (status == LG_INVALID_ARGUMENT && line > 0) return LG_FAULT(r, line, "%s", inner.message);
+    for (uint32_t i = 0; i < m->term_count && status == LG_INVALID_ARGUMENT; i++) {
+        char name[64]; /* a sentence about a term begins with it, "mass of kind known: ..." */
+        (void)snprintf(name, sizeof name, "%s of kind %s:", lg_machine_part_name(m->terms[i].part),
+                       lg_term_kind_name(m->terms[i].kind));
+        if (strncmp(inner.message, name, strlen(name)) != 0) continue;
+        if (r->lines[i] > 0) return LG_FAULT(r, r->lines[i], "%s", inner.message);
+        break;
+    }
     return lg_fail(r->error, status == LG_INVALID_ARGUMENT ? LG_FORMAT : status, "%s: %s",
                    lg_shown_path(lg_yaml_path(r->yaml)), inner.message);
 }
@@ -384,8 +414,16 @@ static lg_status read_machine(reading *r, lg_key_value *values) {
     out->machine.accelerations = out->measured == LG_MEASURED_ACCELERATIONS;
     LG_TRY(add_named(r, &values[KEY_TIME], "t", LG_LOG_TIME));
     if (values[KEY_RUN].line != 0) LG_TRY(add_named(r, &values[KEY_RUN], "", LG_LOG_RUN));
-    LG_TRY(read_coordinates(r, &values[KEY_COORDINATES]));
-    LG_TRY(read_inputs(r, values));
+    const yaml_node_t *list = values[KEY_COORDINATES].node;
+    if (list->type != YAML_SEQUENCE_NODE || lg_node_items(list) == 0)
+        return LG_FAULT(r, values[KEY_COORDINATES].line,
+                        "coordinates: expected a list of {name: ..., kind: ...}");
+    for (size_t i = 0; i < lg_node_items(list); i++)
+        LG_TRY(read_coordinate(r, lg_node_item(r->yaml, list, i)));
+    if (values[KEY_INPUTS].line != 0) {
+        LG_TRY(lg_machine_texts(r, values[KEY_INPUT_COLUMNS].node, "inputs.columns", add_input, NULL));
+        LG_TRY(lg_machine_read_timing(r, &values[KEY_HOLD], &values[KEY_DELAY]));
+    }
     LG_TRY(read_numbers(r, &keys[KEY_NOISE], &values[KEY_NOISE], offsetof(lg_log_column, noise), 0));
     LG_TRY(read_numbers(r, &keys[KEY_SCALE], &values[KEY_SCALE], offsetof(lg_log_column, scale), -DBL_MAX));
     out->run = values[KEY_RUN].line != 0 ? 1 : out->column_count;
@@ -414,18 +452,6 @@ static lg_status read_change(reading *r, lg_key_value *values) {
     return lg_machine_read_actuators(r, &values[KEY_LAG], &values[KEY_CURVE]);
 }
 
-static lg_status read_documents(reading *r, lg_key_value *values) {
-    bool more;
-    LG_TRY(read_machine(r, values));
-    for (;;) {
-        LG_TRY(lg_yaml_next(r->yaml, &more, r->error));
-        if (!more) break;
-        LG_TRY(read_change(r, values));
-    }
-    LG_TRY(lg_machine_refuse_positions(r));
-    return finish_machine(r);
-}
-
 lg_status lg_machine_file_parse(const lg_context *context, const char *name, const char *text, size_t bytes,
                                 lg_machine_file *out, lg_error *error) {
     LG_NEEDS(error, name, text, out);
@@ -436,7 +462,14 @@ lg_status lg_machine_file_parse(const lg_context *context, const char *name, con
     LG_SCRATCH(char, copy, context, bytes + 1);
     reading r = {.yaml = yaml, .out = made, .error = error};
     if (made == NULL || values == NULL || copy == NULL) return lg_no_memory_for(name, error);
-    LG_TRY(read_documents(&r, values));
+    LG_TRY(read_machine(&r, values));
+    for (bool more;;) {
+        LG_TRY(lg_yaml_next(yaml, &more, error));
+        if (!more) break;
+        LG_TRY(read_change(&r, values));
+    }
+    LG_TRY(refuse_positions(&r));
+    LG_TRY(finish_machine(&r));
     *out = *made;
     out->context = context;
     out->text = memcpy(LG_KEEP(copy), text, bytes);

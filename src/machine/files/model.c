@@ -94,8 +94,7 @@ static lg_status read_lags(lg_h5 *h5, lg_machine_model_run *run, lg_error *error
     if (lg_h5_has_attribute(h5, lag_range.group, lag_range.name))
         LG_TRY(lg_field_get(h5, &lag_range, run, error));
     if (run->scales.lag[0] > 0.0 && run->scales.lag[1] > run->scales.lag[0]) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: /model: attribute lag_range: expected two rising numbers above 0",
-                   lg_shown_path(h5->path));
+    return lg_h5_fail(h5, error, "/model: attribute lag_range: expected two rising numbers above 0");
 }
 
 static lg_status read_machine(lg_h5 *h5, void *user, lg_error *error) {
@@ -104,8 +103,7 @@ static lg_status read_machine(lg_h5 *h5, void *user, lg_error *error) {
     LG_TRY(read_lags(h5, run, error));
     if (run->scheme == NULL) run->scheme = lg_scheme_at(0);
     if (!positive(&run->scales))
-        return lg_fail(error, LG_FORMAT, "%s: /model: attribute scales: all numbers must be above 0",
-                       lg_shown_path(h5->path));
+        return lg_h5_fail(h5, error, "/model: attribute scales: all numbers must be above 0");
     LG_TRY(lg_as_format(
         lg_machine_file_parse(h5->context, h5->path, run->text, strlen(run->text), &description, error),
         error));

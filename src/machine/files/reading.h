@@ -48,14 +48,9 @@ typedef lg_status (*lg_text_visit)(lg_machine_reading *r, uint32_t line, const c
 lg_status lg_machine_texts(lg_machine_reading *r, const void *node, const char *what, lg_text_visit visit,
                            void *user);
 
-/* Numbers that are unknown one by one (entries.c). lg_machine_is_entry: whether the node is the word
- * `unknown` or {start: ..., within: ..., sigma: ...}; lg_machine_read_entry reads it, *start is NaN where
- * it is not given, and allows the key `order` if `ordered`. lg_machine_has_entries looks into lists, too.
- * lg_machine_read_entries reads the values of a term, some of which are unknown. */
-bool lg_machine_is_entry(const yaml_node_t *node);
+/* Numbers that are unknown one by one (grey.c): whether the node or an item of a list is the word `unknown`
+ * or {start: ..., within: ..., sigma: ...}; reads the values of a term, some of which are unknown. */
 bool lg_machine_has_entries(const lg_machine_reading *r, const yaml_node_t *node);
-lg_status lg_machine_read_entry(lg_machine_reading *r, const char *what, bool ordered,
-                                const yaml_node_t *node, double *start, lg_machine_entry *out);
 lg_status lg_machine_read_entries(lg_machine_reading *r, const lg_field *key, const yaml_node_t *node,
                                   lg_machine_term *term);
 
@@ -78,7 +73,5 @@ lg_status lg_machine_read_system(lg_machine_reading *r, const lg_key_value *syst
 lg_status lg_machine_read_timing(lg_machine_reading *r, const lg_key_value *hold, const lg_key_value *delay);
 lg_status lg_machine_read_actuators(lg_machine_reading *r, const lg_key_value *lag,
                                     const lg_key_value *curve);
-/* Refuses a machine of `measured: velocities-only` that depends on positions (speeds.c). */
-lg_status lg_machine_refuse_positions(lg_machine_reading *r);
 
 #endif

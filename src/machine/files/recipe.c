@@ -362,10 +362,10 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
     LG_TRY(lg_machine_refuse_momenta(&s->data.file, self->model, error));
     LG_TRY(lg_machine_window_loss(&model, log, run->window, &loss, error));
     LG_TRY(lg_machine_horizon(&model, log, 1.0, EVERY, &found, error));
-    lg_result_real(self, "window_loss", loss, "mean over windows and rows, in the units of the logs");
-    lg_result_real(self, "horizon", found.seconds, "s of free runs; the root mean squares of their errors:");
+    LG_TELL(self, LG_REAL("window_loss", loss, "mean over windows and rows, in the units of the logs"),
+            LG_REAL("horizon", found.seconds, "s of free runs; the root mean squares of their errors:"));
     for (int e = 0; e < LG_RUN_ERRORS; e++)
-        if (!isnan(found.pooled[e])) lg_result_real(self, lg_run_error_names[e], found.pooled[e], NULL);
+        if (!isnan(found.pooled[e])) LG_TELL(self, LG_REAL(lg_run_error_names[e], found.pooled[e], NULL));
     return LG_OK;
 }
 

@@ -57,7 +57,7 @@ void lg_machine_log_sha256(const lg_machine *machine, const lg_machine_log *log,
 /* Writes the range of the numbers in a log; low > high for numbers that are not measured. */
 void lg_machine_find_range(const lg_machine *machine, const lg_machine_log *log, lg_machine_range *out);
 
-/* Whether a mass or force of the machine depends on the position of a coordinate (speeds.c). */
+/* Whether a mass or force of the machine depends on the position of a coordinate (machine.c). */
 bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate);
 
 /* Mean square of the accelerations between neighbouring rows that a polynomial of degree 2 in positions
@@ -76,7 +76,7 @@ static inline bool lg_term_is_network(const lg_machine_term *term) {
 void lg_machine_carry(const lg_machine *from, const double *theta, const lg_machine *to, double *out);
 size_t lg_log_longest_part(const lg_machine_log *log); /* in rows (recipe.c) */
 /* Root mean square of the logged velocities (or accelerations) of a coordinate; 0: none was logged
- * (short_fits.c). */
+ * (warm_up.c). */
 double lg_log_speed(const lg_machine *machine, const lg_machine_log *log, uint32_t coordinate);
 
 /* Wraps to [-pi, pi]. */
@@ -340,25 +340,6 @@ lg_status lg_machine_warm_up(struct lg_training *self, double *theta, lg_error *
  * its first step leads far away, and a fit that begins there rejects all steps. Such parameters begin again
  * at a tenth of their initial values, which make a hundredth of the initial friction (warm_up.c). */
 void lg_machine_revive(const lg_machine *machine, const double *initial, double *theta);
-enum { LG_STAGE_EPOCHS = 50 };
-/* What a short fit may take: evaluations of Levenberg-Marquardt in each of up to 4 rounds; seconds, 0: no
- * limit. */
-typedef struct lg_stage_limits {
-    uint64_t epochs;
-    double seconds;
-} lg_stage_limits;
-/* A short fit of `problem`. theta, in and out, has its parameters; they change
- * only if the loss falls (warm_up.c). */
-lg_status lg_machine_fit_stage(struct lg_training *self, const lg_machine_problem *problem,
-                               const lg_stage_limits *most, double *theta, lg_error *error);
-/* Brings the parameters of a named system near those that explain the problem's short windows, from any start
- * (warm_up.c). */
-lg_status lg_machine_approach(struct lg_training *self, const lg_machine_problem *on, double *theta,
-                              lg_error *error);
-/* Logs with positions alone: tries several ways to first parameters and keeps those that predict best. theta,
- * in and out: the parameters of `machine`, then those of all starts (short_fits.c). */
-lg_status lg_machine_fit_candidates(struct lg_training *self, const lg_machine *machine, double *theta,
-                                    lg_error *error);
 /* Positions q and velocities v of all rows from polynomials of a degree up to 3 through 2 half + 1 rows,
  * fewer at the ends of parts. NaN where too few rows have a position (smooth.c). */
 void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uint32_t half, uint32_t degree,

@@ -65,19 +65,13 @@ static lg_status run_epoch(const lg_training *self, const lg_context *context,
     return status;
 }
 
-/* Bytes while the loss is computed and the numbers are judged; 0 bytes if memory ended. */
-static double judge(const lg_context *context, const lg_machine_problem *problem, const double *theta,
-                    count *c) {
+/* Computes the loss and looks for missing forces, as after a fit. */
+static lg_status judge(const lg_context *context, const lg_machine_problem *problem, const double *theta) {
     double loss, floor;
     lg_machine_missing missing;
-    lg_fit_problem fit;
-    c->most = c->now;
-    lg_status status = lg_machine_loss(context, problem, theta, &loss, &floor, NULL);
-    if (status != LG_OUT_OF_MEMORY) status = lg_machine_find_missing(context, problem, theta, &missing, NULL);
-    /* The Jacobian, its transpose and the columns that become R (identify.c). */
-    lg_machine_fit_problem(problem, &fit);
-    const double jacobian = 3.0 * (double)(problem->machine->parameters * fit.rows);
-    return status == LG_OUT_OF_MEMORY ? 0.0 : fmax((double)c->most, jacobian * sizeof(double));
+    const lg_status status = lg_machine_loss(context, problem, theta, &loss, &floor, NULL);
+    return status == LG_OUT_OF_MEMORY ? status
+                                      : lg_machine_find_missing(context, problem, theta, &missing, NULL);
 }
 
 /* What is measured: a fit by plans, a fit on the tape, and what comes after a fit, of one window and of
@@ -88,8 +82,10 @@ enum { PLANNED, TAPED, JUDGED, TAPED_TOGETHER, JUDGED_TOGETHER, WAYS, TOGETHER =
 static lg_status measure(lg_training *self, int way, uint32_t window, double *bytes, lg_error *error) {
     const lg_machine_model_run *run = self->run;
     lg_machine_problem problem = ((const lg_machine_state *)self->state)->problem;
+    const bool judged = way == JUDGED || way == JUDGED_TOGETHER;
     size_t start[TOGETHER];
     count c = {0, 0};
+    lg_fit_problem fit;
     lg_context_options options;
     lg_context *context = NULL;
     lg_rng rng;
@@ -107,14 +103,14 @@ static lg_status measure(lg_training *self, int way, uint32_t window, double *by
     options.release = give;
     options.allocator_user = &c;
     lg_status status = lg_context_create(&options, &context);
-    if (status == LG_OK && way != JUDGED && way != JUDGED_TOGETHER) {
-        status = run_epoch(self, context, &problem, way == PLANNED, theta);
-        *bytes = (double)c.most;
-    } else if (status == LG_OK) {
-        *bytes = judge(context, &problem, theta, &c);
-        status = *bytes > 0.0 ? LG_OK : LG_OUT_OF_MEMORY;
-    }
+    if (status == LG_OK)
+        status = judged ? judge(context, &problem, theta)
+                        : run_epoch(self, context, &problem, way == PLANNED, theta);
     lg_context_destroy(context);
+    /* The Jacobian, its transpose and the columns that become R (identify.c). */
+    lg_machine_fit_problem(&problem, &fit);
+    const double jacobian = 3.0 * (double)(problem.machine->parameters * fit.rows) * sizeof(double);
+    *bytes = judged ? fmax((double)c.most, jacobian) : (double)c.most;
     if (status != LG_OUT_OF_MEMORY) return LG_OK;
     return lg_fail(error, status, "--window %u: there is not even memory for one window of %u rows",
                    run->window, window);

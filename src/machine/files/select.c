@@ -23,20 +23,12 @@ struct lg_selection {
 };
 typedef struct lg_selection selection;
 
-/* Root of the mean over windows; NaN: none. */
-static double error_of(const selection *s) {
-    double sum = 0, count = 0;
-    for (size_t i = 0; i < s->held.count; i++)
-        if (!isnan(s->square[i])) sum += s->square[i], count++;
-    return sqrt(sum / count);
-}
-
 static lg_status judge_now(selection *s, uint64_t epoch, lg_error *error) {
     const lg_machine_state *state = s->self->state;
     const lg_machine_model_run *run = s->self->run;
     const lg_learned_machine model = lg_model_learned(s->self->context, run, s->now, state->estimated);
     LG_TRY(lg_held_out_judge(&s->held, &model, &state->data.training, s->square, error));
-    const double found = error_of(s);
+    const double found = lg_held_out_error(&s->held, s->square);
     if (!(found < s->least)) return LG_OK;
     s->least = found;
     s->epoch = epoch;
@@ -92,11 +84,11 @@ lg_status lg_machine_select_end(lg_training *self, double *theta, lg_error *erro
 void lg_machine_tell_selection(lg_training *self) {
     const lg_machine_state *state = self->state;
     const selection *s = state->selection;
-    if (state->width != NULL) lg_result_text(self, "size", state->width, "widths of networks");
+    if (state->width != NULL) LG_TELL(self, LG_TEXT("size", state->width, "widths of networks"));
     if (s == NULL) return;
-    LG_RESULT_OBJECT(self, "select", LG_AS_WHOLE("windows", s->held.count),
-                     LG_AS_REAL("seconds", (double)s->held.steps * state->data.logs.dt_median),
-                     LG_AS_WHOLE("epoch", s->epoch), LG_AS_REAL("error", s->least));
+    LG_RESULT_OBJECT(self, "select", LG_WHOLE("windows", s->held.count, NULL),
+                     LG_REAL("seconds", (double)s->held.steps * state->data.logs.dt_median, NULL),
+                     LG_WHOLE("epoch", s->epoch, NULL), LG_REAL("error", s->least, NULL));
 }
 
 /* ---- widths of networks ---- */
@@ -105,10 +97,9 @@ static void write_width(const void *user, size_t index, lg_text *out) {
     lg_text_add(out, "hidden: [%s]\n", widths[index]);
 }
 
-static lg_machine_comparison compare(const lg_choosing *c, const lg_machine_trial *one,
-                                     const lg_machine_trial *other) {
-    const lg_held_out_ratio found = lg_held_out_compare(c->held.count, one->square, other->square);
-    return (lg_machine_comparison){found.ratio, found.better, c->held.steps};
+static lg_held_out_ratio compare(const lg_choosing *c, const lg_machine_trial *one,
+                                 const lg_machine_trial *other) {
+    return lg_held_out_compare(c->held.count, one->square, other->square);
 }
 
 static void tell_race(const lg_training *self, const lg_choosing *c, size_t winner) {
@@ -126,7 +117,7 @@ static void tell_race(const lg_training *self, const lg_choosing *c, size_t winn
 /* *width: what was taken. */
 static lg_status choose_widths(lg_training *self, double part, const char **width, lg_error *error) {
     enum { MOST_WINDOWS = 200 };
-    const lg_machine_contest contest = {LG_COUNT(widths), false, write_width, compare, NULL};
+    const lg_machine_contest contest = {LG_COUNT(widths), false, false, write_width, compare, NULL};
     LG_CLEAN(lg_choosing_end) lg_choosing c;
     size_t winner = 0;
     LG_TRY(lg_choosing_begin(&c, self, part, LG_HELD_OUT_WINDOWS, MOST_WINDOWS, error));
@@ -155,8 +146,8 @@ static lg_status set_widths(lg_training *self, double part, lg_error *error) {
         LG_TRY(choose_widths(self, part, &width, error));
         state->width = width;
     }
-    LG_CLEAN(lg_text_destroy) lg_text text = lg_machine_changed(self->context, file->text);
-    lg_text_add(&text, "hidden: [%s]\n", width);
+    LG_CLEAN(lg_text_destroy) lg_text text = {.context = self->context};
+    lg_text_add(&text, "%s" LG_MACHINE_CHANGE "hidden: [%s]\n", file->text, width);
     return lg_machine_reread(self, &text, error);
 }
 

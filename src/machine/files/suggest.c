@@ -175,6 +175,7 @@ static size_t list_candidates(const lg_machine_file *file, bool last, candidate 
 /* What the rounds share. */
 typedef struct search {
     lg_training *self;
+    lg_machine_state *state;
     lg_choosing choosing;
     lg_machine_trial present; /* the machine so far */
     candidate list[2 * MOST]; /* candidates of the round */
@@ -185,9 +186,10 @@ typedef struct search {
 
 static lg_status try_candidate(search *s, candidate *c, lg_error *error) {
     c->told.round = s->round, c->told.chance = true;
-    LG_CLEAN(lg_text_destroy) lg_text text = lg_machine_changed(s->choosing.quiet, s->present.text.data);
-    lg_text_add(&text, "%s\n%s", c->change, c->offset ? "offset: unknown\n" : "");
-    const lg_status status = lg_machine_try(&s->choosing, &text, &s->present, &c->trial, error);
+    c->trial.text.context = s->choosing.quiet;
+    lg_text_add(&c->trial.text, "%s" LG_MACHINE_CHANGE "%s\n%s", s->present.text.data, c->change,
+                c->offset ? "offset: unknown\n" : "");
+    const lg_status status = lg_machine_try(&s->choosing, &s->present, &c->trial, error);
     c->told.parameters = c->trial.learned.machine.parameters;
     if (status != LG_OK || c->trial.square == NULL) return status;
     const lg_held_out_ratio found =
@@ -197,17 +199,9 @@ static lg_status try_candidate(search *s, candidate *c, lg_error *error) {
     return LG_OK;
 }
 
-/* Whether candidate a is the better choice: it leaves less, by more than chance and 5 %. */
-static bool beats(const search *s, const candidate *a, const candidate *b) {
-    static const double less = 0.95;
-    const lg_held_out_ratio found =
-        lg_held_out_compare(s->choosing.held.count, a->trial.square, b->trial.square);
-    return found.better && found.ratio < less;
-}
-
 /* Whether a candidate of the round, taken or not, has fewer parameters and leaves less. */
 static bool is_dominated(const search *s, const candidate *c) {
-    const lg_suggestion *all = &((const lg_machine_state *)s->self->state)->suggestion;
+    const lg_suggestion *all = &s->state->suggestion;
     const size_t parameters = c->trial.learned.machine.parameters;
     for (size_t i = s->first; i < all->count; i++)
         if (all->row[i].ratio > 0 && all->row[i].ratio < c->told.ratio && all->row[i].parameters < parameters)
@@ -220,8 +214,8 @@ static bool is_possible(const search *s, const candidate *c) {
     return !c->told.chance && c->told.ratio < LG_SUGGEST_MOST && !is_dominated(s, c);
 }
 
-/* The possible candidate that leaves least, or one with fewer numbers, or earlier in the table, that this one
- * does not beat. NULL: there is none. */
+/* The possible candidate that leaves least, or one with fewer numbers, or earlier in the table, than which
+ * this one is not clearly better. NULL: there is none. */
 static candidate *find_best(search *s) {
     candidate *best = NULL, *simplest = NULL;
     for (size_t i = 0; i < s->count; i++) {
@@ -230,7 +224,9 @@ static candidate *find_best(search *s) {
     }
     for (size_t i = 0; i < s->count && best != NULL; i++) {
         candidate *c = &s->list[i];
-        if (!is_possible(s, c) || beats(s, best, c)) continue;
+        if (!is_possible(s, c) ||
+            lg_held_out_compare(s->choosing.held.count, best->trial.square, c->trial.square).clear)
+            continue;
         if (simplest == NULL ||
             c->trial.learned.machine.parameters < simplest->trial.learned.machine.parameters)
             simplest = c;
@@ -242,19 +238,6 @@ static int compare_ratios(const void *a, const void *b) {
     const double x = ((const lg_suggested *)a)->ratio, y = ((const lg_suggested *)b)->ratio;
     if ((x > 0) != (y > 0)) return x > 0 ? -1 : 1;
     return (x > y) - (x < y);
-}
-
-static void note_round(const search *s) {
-    lg_suggestion *out = &((lg_machine_state *)s->self->state)->suggestion;
-    for (size_t i = 0; i < s->count && out->count < LG_SUGGEST_ROWS; i++)
-        out->row[out->count++] = s->list[i].told;
-}
-
-/* Marks the row of the candidate that is taken, which may be NULL, and sorts the rows of this kind. */
-static void close_round(const search *s, const candidate *taken, uint32_t first) {
-    lg_suggestion *out = &((lg_machine_state *)s->self->state)->suggestion;
-    if (taken != NULL) out->row[first + (size_t)(taken - s->list)].taken = true;
-    qsort(out->row + first, out->count - first, sizeof *out->row, compare_ratios);
 }
 
 /* Adds, with an offset, the frictions that leave less, though by no more than chance: without it a constant
@@ -273,27 +256,20 @@ static void add_with_offset(search *s, const lg_machine *machine) {
     }
 }
 
-/* Tries the candidates of the table, `last` ones or the others. *taken: the best, or NULL. */
+/* Tries the candidates of the table, `last` ones or the others, and notes them. *taken: the best, or NULL. */
 static lg_status try_all(search *s, const lg_machine_file *file, bool last, candidate **taken,
                          lg_error *error) {
+    lg_suggestion *out = &s->state->suggestion;
+    lg_suggested *rows = out->row + out->count;
     size_t done = s->count = list_candidates(file, last, s->list);
     for (size_t i = 0; i < done; i++) LG_TRY(try_candidate(s, &s->list[i], error));
     if (!last) add_with_offset(s, &file->machine);
     for (; done < s->count; done++) LG_TRY(try_candidate(s, &s->list[done], error));
-    const uint32_t first = ((const lg_machine_state *)s->self->state)->suggestion.count;
-    note_round(s);
+    for (size_t i = 0; i < s->count; i++) out->row[out->count++] = s->list[i].told;
     *taken = find_best(s);
-    close_round(s, *taken, first);
+    if (*taken != NULL) rows[*taken - s->list].taken = true;
+    qsort(rows, s->count, sizeof *rows, compare_ratios);
     return LG_OK;
-}
-
-/* Whether runs of the present machine go off by more than a hundredth of the motion. */
-static bool goes_off(const search *s) {
-    static const double small = 0.01;
-    double sum = 0, count = 0;
-    for (size_t i = 0; i < s->choosing.held.count; i++)
-        if (!isnan(s->present.square[i])) sum += s->present.square[i], count++;
-    return !(sum <= small * small * count);
 }
 
 static void drop_round(search *s) {
@@ -303,13 +279,14 @@ static void drop_round(search *s) {
 
 /* One round. *more: a candidate was taken. */
 static lg_status play_round(search *s, bool *more, lg_error *error) {
+    static const double small = 0.01; /* runs of the present machine go off by less of the motion */
     LG_CLEAN(lg_machine_file_destroy) lg_machine_file file = {.text = NULL};
     candidate *taken = NULL;
-    s->first = ((const lg_machine_state *)s->self->state)->suggestion.count;
+    s->first = s->state->suggestion.count;
     LG_TRY(lg_machine_file_parse(s->choosing.quiet, s->self->paths[0], s->present.text.data,
                                  s->present.text.length, &file, error));
     LG_TRY(try_all(s, &file, false, &taken, error));
-    if (taken == NULL && goes_off(s)) {
+    if (taken == NULL && lg_held_out_error(&s->choosing.held, s->present.square) > small) {
         drop_round(s);
         LG_TRY(try_all(s, &file, true, &taken, error));
     }
@@ -319,8 +296,7 @@ static lg_status play_round(search *s, bool *more, lg_error *error) {
         s->self,
         "the log asks for %s%s%s: it leaves %.2g of the error (free runs of %.3g s that were not trained on)",
         taken->asks, taken->offset ? ", and for a constant force (an offset)" : "",
-        taken->offset ? taken->why : "", taken->told.ratio,
-        (double)s->choosing.held.steps * ((const lg_machine_state *)s->self->state)->data.logs.dt_median);
+        taken->offset ? taken->why : "", taken->told.ratio, s->state->suggestion.seconds);
     lg_machine_trial_destroy(&s->choosing, &s->present);
     s->present = taken->trial;
     taken->trial = (lg_machine_trial){.square = NULL};
@@ -328,18 +304,17 @@ static lg_status play_round(search *s, bool *more, lg_error *error) {
 }
 
 static lg_status search_all(search *s, lg_error *error) {
-    const lg_machine_state *state = s->self->state;
     bool more = true;
-    LG_CLEAN(lg_text_destroy) lg_text text = {.context = s->choosing.quiet};
-    lg_text_append(&text, state->data.file.text, state->data.file.text_bytes);
-    LG_TRY(lg_machine_try(&s->choosing, &text, NULL, &s->present, error));
+    s->present.text.context = s->choosing.quiet;
+    lg_text_append(&s->present.text, s->state->data.file.text, s->state->data.file.text_bytes);
+    LG_TRY(lg_machine_try(&s->choosing, NULL, &s->present, error));
     if (s->present.square == NULL) return lg_fail(error, s->present.status, "%s", s->present.why.message);
     for (s->round = 1; s->round <= LG_SUGGEST_ROUNDS && more; s->round++) {
         const lg_status status = play_round(s, &more, error);
         drop_round(s);
         if (status != LG_OK) return status;
     }
-    ((lg_machine_state *)s->self->state)->suggestion.ended = !more;
+    s->state->suggestion.ended = !more;
     return LG_OK;
 }
 
@@ -365,6 +340,7 @@ lg_status lg_machine_suggest(lg_training *self, lg_error *error) {
     lg_machine_state *state = self->state;
     LG_TRY_SCRATCH(search, s, self->context, 1, lg_no_memory(error));
     s->self = self;
+    s->state = state;
     lg_status status = lg_choosing_begin(&s->choosing, self, part, LG_HELD_OUT_WINDOWS, MOST_WINDOWS, error);
     if (status == LG_OK && s->choosing.held.count < ENOUGH) {
         lg_choosing_end(&s->choosing);
@@ -410,7 +386,7 @@ void lg_machine_tell_suggestion(lg_training *self) {
     if (state->suggest == NULL) return;
     lg_result_open(self, "suggested", '[');
     for (uint32_t i = 0; i < what->count; i++)
-        if (what->row[i].taken) lg_result_text(self, NULL, what->row[i].name, NULL);
+        if (what->row[i].taken) lg_result_add(self, LG_TEXT(NULL, what->row[i].name, NULL));
     lg_result_close(self, ']');
     lg_result_table(self, "candidates", '[', "");
     for (uint32_t i = 0; i < what->count; i++) {

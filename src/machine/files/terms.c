@@ -47,13 +47,6 @@ static const uint32_t takes[KEY_COUNT] = {[KEY_OF] = LG_TERM_OF | LG_TERM_SOME,
                                           [KEY_DEGREE] = LG_TERM_DEGREE,
                                           [KEY_VALUES] = LG_TERM_VALUES | LG_TERM_KNOWN};
 
-/* A term while it is read. */
-typedef struct term_reading {
-    lg_machine_term *term;
-    lg_machine_part part;
-    const lg_key_value *values;
-} term_reading;
-
 static bool is_true(const lg_key_value *value) {
     return value->line != 0 && value->real[0] == 1;
 }
@@ -118,22 +111,22 @@ static lg_status unknown_feature(reading *r, uint32_t line, const char *text) {
 }
 
 static lg_status add_feature(reading *r, uint32_t line, const char *text, void *user) {
-    const term_reading *t = user;
-    lg_machine_term *term = t->term;
+    lg_machine_term *term = user;
     lg_machine_feature feature = {LG_FEATURE_POSITION, 0};
-    const char *part = lg_machine_part_name(t->part), *kind = lg_term_kind_name(term->kind);
+    const char *part = lg_machine_part_name(term->part), *kind = lg_term_kind_name(term->kind);
     const bool moving = (lg_term_kind_options(term->kind) & LG_TERM_MOVING) != 0;
     const bool coordinate = find_coordinate(&r->out->machine, text, &feature);
-    if (!coordinate && !find_column(r->out, t->part, text, &feature)) return unknown_feature(r, line, text);
-    if (coordinate && t->part == LG_MACHINE_BIAS && r->out->machine.accelerations)
+    if (!coordinate && !find_column(r->out, term->part, text, &feature))
+        return unknown_feature(r, line, text);
+    if (coordinate && term->part == LG_MACHINE_BIAS && r->out->machine.accelerations)
         return LG_FAULT(r, line, "of: '%s' is not measured: name the column of an acceleration", text);
-    if (t->part == LG_MACHINE_OFFSET && feature.kind == LG_FEATURE_VELOCITY)
+    if (term->part == LG_MACHINE_OFFSET && feature.kind == LG_FEATURE_VELOCITY)
         feature.kind = LG_FEATURE_POSITION;
     if (feature.kind == LG_FEATURE_VELOCITY && !moving)
         return LG_FAULT(r, line, "of: '%s' is a velocity; %s of kind %s depends on positions alone", text,
                         part, kind);
     const bool inputs = (lg_term_kind_options(term->kind) & LG_TERM_INPUTS) != 0;
-    if (feature.kind == LG_FEATURE_INPUT && !inputs && !(moving && t->part == LG_MACHINE_RESIDUAL))
+    if (feature.kind == LG_FEATURE_INPUT && !inputs && !(moving && term->part == LG_MACHINE_RESIDUAL))
         return LG_FAULT(r, line, "of: '%s' is an input; only a residual and a load depend on inputs", text);
     if (feature.kind != LG_FEATURE_INPUT && inputs)
         return LG_FAULT(r, line, "of: '%s' is not an input; without `of` the load is the potential's force",
@@ -235,10 +228,8 @@ void lg_machine_set_widths(const lg_key_value *hidden, lg_machine_term *term) {
     for (uint32_t i = 0; i < hidden->count; i++) term->hidden[i] = (uint32_t)hidden->real[i];
 }
 
-static lg_status fill_term(reading *r, lg_machine_part part, lg_machine_term *term,
-                           const lg_key_value *values) {
-    term_reading t = {term, part, values};
-    if (values[KEY_OF].line != 0) LG_TRY(lg_machine_texts(r, values[KEY_OF].node, "of", add_feature, &t));
+static lg_status fill_term(reading *r, lg_machine_term *term, const lg_key_value *values) {
+    if (values[KEY_OF].line != 0) LG_TRY(lg_machine_texts(r, values[KEY_OF].node, "of", add_feature, term));
     if (values[KEY_HIDDEN].line != 0) lg_machine_set_widths(&values[KEY_HIDDEN], term);
     LG_TRY(lg_yaml_store(r->yaml, keys, values, KEY_COUNT, term, r->error));
     if ((lg_term_kind_options(term->kind) & LG_TERM_WIDTH) != 0) term->width = width_of(values);
@@ -283,7 +274,7 @@ static lg_status read_mapping(reading *r, lg_machine_part part, const yaml_node_
     } else {
         LG_TRY(add_term(r, part, values[KEY_KIND].line, kind, &term));
         LG_TRY(check_keys(r, part, kind, lg_term_kind_options(term->kind), values));
-        LG_TRY(fill_term(r, part, term, values));
+        LG_TRY(fill_term(r, term, values));
     }
     return add_friction(r, values);
 }
@@ -297,8 +288,7 @@ static lg_status add_offset(reading *r, uint32_t line, const char *text) {
         return LG_FAULT(r, line, "offset: '%.40s' is neither a kind (unknown, known) nor a coordinate", text);
     if (term == NULL || term->part != LG_MACHINE_OFFSET || term->of_count == 0 || term->value_count > 0)
         LG_TRY(add_term(r, LG_MACHINE_OFFSET, line, "unknown", &term));
-    term_reading t = {term, LG_MACHINE_OFFSET, NULL};
-    return add_feature(r, line, text, &t);
+    return add_feature(r, line, text, term);
 }
 
 static lg_status read_word(reading *r, uint32_t line, const char *text, void *user) {

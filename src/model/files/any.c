@@ -32,17 +32,15 @@ const lg_recipe *lg_recipe_find(const char *name) {
 
 /* ---- files that are no models ---- */
 
-static const char *what_is(const char *kind) {
-    for (const lg_recipe *const *recipe = lg_recipes; *recipe != NULL; recipe++)
-        if (strcmp((*recipe)->checkpoint, kind) == 0) return "it is the checkpoint of an unfinished training";
-    return lg_h5_what_is(kind);
-}
-
 static lg_status refuse(const char *path, const char *kind, lg_error *error) {
     lg_name_list names = {.used = 0};
-    for (size_t i = 0; lg_recipes[i] != NULL; i++) lg_name_list_add(&names, lg_recipes[i]->name);
+    const char *what = lg_h5_what_is(kind);
+    for (const lg_recipe *const *recipe = lg_recipes; *recipe != NULL; recipe++) {
+        lg_name_list_add(&names, (*recipe)->name);
+        if (strcmp((*recipe)->checkpoint, kind) == 0) what = "it is the checkpoint of an unfinished training";
+    }
     return lg_fail(error, LG_FORMAT, "%s: attribute kind is '%s', expected %s or any kind with functions: %s",
-                   lg_shown_path(path), kind, names.text, what_is(kind));
+                   lg_shown_path(path), kind, names.text, what);
 }
 
 /* ---- loading ---- */
@@ -79,7 +77,7 @@ static lg_status read_space(reading *r, lg_h5 *h5, lg_error *error) {
     if (!r->moves) return LG_OK;
     LG_TRY(lg_as_format(lg_h5_text(h5, "model", "space", text, sizeof text, error), error));
     if (lg_space_read(lg_tamed(text), &r->space, &why) == LG_OK) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: /model: attribute space: %s", lg_shown_path(h5->path), why.message);
+    return lg_h5_fail(h5, error, "/model: attribute space: %s", why.message);
 }
 
 static lg_status read_model(void *user, lg_h5 *h5, lg_error *error) {

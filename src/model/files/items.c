@@ -18,12 +18,6 @@ typedef struct arrays {
     size_t count;
 } arrays;
 
-static uint64_t size_of(const lg_item_size *size, const void *file) {
-    const void *at = (const char *)file + size->offset;
-    if (size->bytes == 0) return size->offset;
-    return size->bytes == sizeof(uint32_t) ? *(const uint32_t *)at : *(const size_t *)at;
-}
-
 static void list_arrays(const lg_item *item, void *file, arrays *out) {
     void *at = (char *)file + item->offset;
     lg_scaler *scaler = at;
@@ -33,7 +27,10 @@ static void list_arrays(const lg_item *item, void *file, arrays *out) {
     out->count = two ? 2 : 1;
     for (size_t i = 0; i < LG_COUNT(dims) && item->dims[i].bytes + item->dims[i].offset > 0; i++) {
         const lg_item_size *size = &item->dims[i];
-        const uint64_t n = size_of(size, file);
+        const void *member = (const char *)file + size->offset;
+        const uint64_t n = size->bytes == 0                  ? size->offset
+                           : size->bytes == sizeof(uint32_t) ? *(const uint32_t *)member
+                                                             : *(const size_t *)member;
         out->size[i] = (lg_h5_size){n, size->what, size->bytes > 0 && n > 0 ? "model" : NULL};
         dims[i] = &out->size[i];
     }

@@ -10,10 +10,6 @@ static const void *run_of(const lg_recipe *kind, const void *file) {
     return (const char *)file + kind->file_run;
 }
 
-static const lg_fit_settings *training_of(const lg_recipe *kind, const void *run) {
-    return (const lg_fit_settings *)(const void *)((const char *)run + kind->training);
-}
-
 /* A slice of the parameters, and its path in the file. */
 typedef struct slice {
     lg_slice_info info;
@@ -44,26 +40,10 @@ static lg_status put_slice(lg_h5 *h5, const slice *s, lg_dtype dtype, const doub
     return lg_h5_put(h5, s->name, LG_ELEMENT_F32, info->rank, info->dims, narrow, error);
 }
 
-static lg_status put_space(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
-    lg_space space;
-    if (kind->space == NULL) return LG_OK;
-    LG_TRY(kind->space(run, &space));
-    return lg_program_put_space(h5, &space, error);
-}
-
 /* ---- functions ---- */
 
 /* The scheme for models whose own scheme cannot be part of a program, because it is implicit. */
 static const char explicit_scheme[] = "cf4";
-
-static lg_status make_program(const lg_h5 *h5, const lg_recipe *recipe, const void *file,
-                              const lg_scheme **scheme, lg_program **out, lg_error *error) {
-    *scheme = recipe->scheme != NULL ? recipe->scheme(file) : NULL;
-    const lg_status status = recipe->program(h5->context, file, *scheme, out, error);
-    if (status != LG_UNSUPPORTED || *scheme == NULL) return status;
-    *scheme = lg_scheme_find(explicit_scheme);
-    return recipe->program(h5->context, file, *scheme, out, error);
-}
 
 /* Finds the slice that begins at `offset` in theta. */
 static bool slice_from(const lg_recipe *recipe, const void *run, size_t offset, slice *s) {
@@ -94,10 +74,15 @@ static lg_status put_parameters(lg_h5 *h5, const lg_recipe *recipe, const void *
 }
 
 static lg_status put_functions(lg_h5 *h5, const lg_recipe *recipe, const void *file, lg_error *error) {
-    const lg_scheme *scheme;
+    const lg_scheme *scheme = recipe->scheme != NULL ? recipe->scheme(file) : NULL;
     LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
     if (recipe->program == NULL) return lg_program_put_version(h5, error);
-    LG_TRY(make_program(h5, recipe, file, &scheme, &program, error));
+    lg_status status = recipe->program(h5->context, file, scheme, &program, error);
+    if (status == LG_UNSUPPORTED && scheme != NULL) {
+        scheme = lg_scheme_find(explicit_scheme);
+        status = recipe->program(h5->context, file, scheme, &program, error);
+    }
+    LG_TRY(status);
     LG_TRY(put_parameters(h5, recipe, run_of(recipe, file), program, error));
     LG_TRY(lg_program_put_functions(h5, program, error));
     return scheme != NULL ? lg_h5_put_text(h5, "functions", "scheme", scheme->name, error) : LG_OK;
@@ -123,11 +108,16 @@ static lg_status put_model(lg_h5 *h5, const lg_recipe *kind, const void *file, c
     slice s;
     const lg_model_head *head = file;
     const void *run = run_of(kind, file);
+    const lg_fit_settings *training = (const void *)((const char *)run + kind->training);
+    lg_space space;
     LG_TRY(lg_h5_put_header(h5, kind->name, &head->provenance, error));
     LG_TRY(lg_run_put(h5, kind, run, error));
-    LG_TRY(put_space(h5, kind, run, error));
+    if (kind->space != NULL) {
+        LG_TRY(kind->space(run, &space));
+        LG_TRY(lg_program_put_space(h5, &space, error));
+    }
     for (uint32_t i = 0; slice_at(kind, run, i, &s); i++)
-        LG_TRY(put_slice(h5, &s, training_of(kind, run)->dtype, head->theta, error));
+        LG_TRY(put_slice(h5, &s, training->dtype, head->theta, error));
     if (kind->put_rest != NULL) LG_TRY(kind->put_rest(h5, file, error));
     LG_TRY(lg_items_put(h5, kind, file, error));
     LG_TRY(put_functions(h5, kind, file, error));
@@ -161,7 +151,8 @@ lg_status lg_recipe_save(const lg_context *context, const char *path, const lg_r
 /* ---- loading ---- */
 
 /* Shapes are compared before any array is allocated whose size comes from attributes. */
-static lg_status check_slices(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_error *error) {
+static lg_status get_weights(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_model_head *head,
+                             lg_error *error) {
     slice s;
     for (uint32_t i = 0; slice_at(kind, run, i, &s); i++) {
         lg_h5_about about;
@@ -169,16 +160,8 @@ static lg_status check_slices(lg_h5 *h5, const lg_recipe *kind, const void *run,
         bool same = about.rank == s.info.rank;
         for (uint32_t d = 0; d < about.rank && same; d++) same = about.dims[d] == s.info.dims[d];
         if (!same)
-            return lg_fail(error, LG_FORMAT, "%s: /%s: has the wrong shape for the attributes of /model",
-                           lg_shown_path(h5->path), s.name);
+            return lg_h5_fail(h5, error, "/%s: has the wrong shape for the attributes of /model", s.name);
     }
-    return LG_OK;
-}
-
-static lg_status get_weights(lg_h5 *h5, const lg_recipe *kind, const void *run, lg_model_head *head,
-                             lg_error *error) {
-    slice s;
-    LG_TRY(check_slices(h5, kind, run, error));
     head->parameters = lg_recipe_parameters(kind, run);
     head->theta = lg_alloc(h5->context, head->parameters, sizeof *head->theta);
     if (head->theta == NULL) return lg_h5_no_memory(h5, error);
@@ -218,10 +201,10 @@ static lg_status check_space(lg_h5 *h5, const lg_recipe *kind, const void *run, 
         if (strcmp(text, expected) == 0) return LG_OK;
         (void)lg_fail(&reason, LG_FORMAT, "is '%s'", text);
     }
-    return lg_fail(error, LG_FORMAT,
-                   "%s: /model: attribute space: %s, but the other attributes describe a model on %s: "
-                   "correct one of them, or remove the attribute space",
-                   lg_shown_path(h5->path), reason.message, expected);
+    return lg_h5_fail(h5, error,
+                      "/model: attribute space: %s, but the other attributes describe a model on %s: "
+                      "correct one of them, or remove the attribute space",
+                      reason.message, expected);
 }
 
 lg_status lg_run_get_file(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error) {

@@ -85,21 +85,13 @@ static lg_status get_names(reading *r, const char *group, texts *out) {
 /* ---- functions ---- */
 
 /* Adds the function to the program; `path` is for the sentence of an error. */
-static lg_status add(reading *r, const char *path, const lg_function_image *image) {
-    lg_error why = {LG_OK, ""};
-    const lg_status status = lg_program_add_image(r->program, image, &why);
-    if (status == LG_OK) return LG_OK;
-    (void)lg_fail(r->error, status, "%s: /%s: %s", lg_shown_path(r->h5->path), path, why.message);
-    return lg_as_format(status, r->error);
-}
-
 static lg_status unpack(reading *r, const char *path, const char *name, const void *bytes, size_t size) {
     LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
     lg_error why = {LG_OK, ""};
-    const lg_status status = lg_function_unpack(r->h5->context, name, bytes, size, &r->left, &image, &why);
-    if (status != LG_OK)
-        return lg_fail(r->error, status, "%s: /%s: %s", lg_shown_path(r->h5->path), path, why.message);
-    return add(r, path, image);
+    lg_status status = lg_function_unpack(r->h5->context, name, bytes, size, &r->left, &image, &why);
+    if (status == LG_OK) status = lg_as_format(lg_program_add_image(r->program, image, &why), NULL);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(r->error, status, "%s: /%s: %s", lg_shown_path(r->h5->path), path, why.message);
 }
 
 static lg_status get_function(reading *r, const char *name) {
@@ -163,41 +155,33 @@ static lg_status get_place(reading *r, const char *place, lg_owned *values, size
     return LG_OK;
 }
 
-static lg_status get_places(reading *r, const char *name, lg_shape *shape, lg_owned *values) {
-    LG_CLEAN(free_texts) texts places = {.context = r->h5->context};
-    size_t count = 0;
-    LG_TRY(get_texts(r, "parameters", name, &places));
-    for (size_t i = 0; i < places.count; i++) LG_TRY(get_place(r, places.text[i], values, &count));
-    if (count > UINT32_MAX) return bad(r, "parameters", "is too large");
-    *shape = lg_shape1((uint32_t)count);
-    return LG_OK;
-}
-
 static lg_status get_parameter(reading *r, const char *name, lg_parameter_spec *p, lg_owned *values) {
     const lg_program_key at = lg_program_below("parameters", name);
-    const bool elsewhere = lg_h5_has(r->h5, "parameters") && lg_h5_has_attribute(r->h5, "parameters", name);
+    LG_CLEAN(free_texts) texts places = {.context = r->h5->context};
+    size_t count = 0;
     p->name = name;
-    const lg_status status =
-        elsewhere ? get_places(r, name, &p->shape, values) : get_array(r, at.text, &p->shape, values);
+    if (lg_h5_has(r->h5, "parameters") && lg_h5_has_attribute(r->h5, "parameters", name)) {
+        LG_TRY(get_texts(r, "parameters", name, &places));
+        for (size_t i = 0; i < places.count; i++) LG_TRY(get_place(r, places.text[i], values, &count));
+        if (count > UINT32_MAX) return bad(r, "parameters", "is too large");
+        p->shape = lg_shape1((uint32_t)count);
+    } else {
+        LG_TRY(get_array(r, at.text, &p->shape, values));
+    }
     p->values = values->memory;
-    return status;
-}
-
-static lg_status get_description(reading *r, char text[TEXT]) {
-    text[0] = '\0';
-    if (!lg_h5_has_attribute(r->h5, "", "description")) return LG_OK;
-    return lg_as_format(lg_h5_text(r->h5, "", "description", text, TEXT, r->error), r->error);
+    return LG_OK;
 }
 
 /* Makes the program with its parameters, without functions. */
 static lg_status get_parameters(reading *r) {
     const lg_context *context = r->h5->context;
     const size_t count = r->parameters.count;
-    char description[TEXT];
+    char description[TEXT] = "";
     lg_error why = {LG_OK, ""};
     lg_program_spec spec;
     lg_program_spec_init(&spec);
-    LG_TRY(get_description(r, description));
+    if (lg_h5_has_attribute(r->h5, "", "description"))
+        LG_TRY(lg_as_format(lg_h5_text(r->h5, "", "description", description, TEXT, r->error), r->error));
     LG_SCRATCH(lg_parameter_spec, made, context, count);
     r->values = lg_alloc(context, count, sizeof *r->values);
     if (made == NULL || r->values == NULL) return lg_h5_no_memory(r->h5, r->error);
@@ -230,15 +214,6 @@ lg_status lg_program_check_version(lg_h5 *h5, lg_error *error) {
         LG_FORMAT_VERSION, lg_version());
 }
 
-static lg_status get_program(reading *r) {
-    LG_TRY(lg_program_check_version(r->h5, r->error));
-    LG_TRY(get_names(r, "parameters", &r->parameters));
-    LG_TRY(get_names(r, "functions", &r->functions));
-    LG_TRY(get_parameters(r));
-    for (size_t i = 0; i < r->functions.count; i++) LG_TRY(get_function(r, r->functions.text[i]));
-    return LG_OK;
-}
-
 static void end_reading(reading *r) {
     for (size_t i = 0; r->values != NULL && i < r->parameters.count; i++) lg_owned_free(&r->values[i]);
     LG_FREE_ALL(r->h5->context, r->values, r->parameters.text, r->functions.text);
@@ -248,7 +223,11 @@ static void end_reading(reading *r) {
 lg_status lg_program_get(lg_h5 *h5, lg_program **out, lg_error *error) {
     LG_CLEAN(end_reading)
     reading r = {.h5 = h5, .left = h5->max_size < SIZE_MAX ? (size_t)h5->max_size : SIZE_MAX, .error = error};
-    LG_TRY(get_program(&r));
+    LG_TRY(lg_program_check_version(h5, error));
+    LG_TRY(get_names(&r, "parameters", &r.parameters));
+    LG_TRY(get_names(&r, "functions", &r.functions));
+    LG_TRY(get_parameters(&r));
+    for (size_t i = 0; i < r.functions.count; i++) LG_TRY(get_function(&r, r.functions.text[i]));
     *out = r.program;
     r.program = NULL;
     return LG_OK;

@@ -12,30 +12,18 @@ lg_program_key lg_program_below(const char *group, const char *name) {
     return k;
 }
 
-static lg_status put_bytes(lg_h5 *h5, const lg_function_image *image, lg_error *error) {
+static lg_status put_function(lg_h5 *h5, const lg_program *program, size_t function, lg_error *error) {
+    LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
+    if (lg_function_image_create(program, function, &image) != LG_OK) return lg_h5_no_memory(h5, error);
+    const lg_program_key at = lg_program_below("functions", lg_program_function_name(program, function));
+    const int64_t fitted = 1;
     size_t size;
     LG_TRY(lg_function_pack(image, NULL, &size, error));
     LG_TRY_SCRATCH(char, bytes, h5->context, size, lg_h5_no_memory(h5, error));
     LG_TRY(lg_function_pack(image, bytes, &size, error));
-    return lg_h5_put(h5, lg_program_below("functions", image->name).text, LG_ELEMENT_U8, 1, &(uint64_t){size},
-                     bytes, error);
-}
-
-static lg_status put_function(lg_h5 *h5, const lg_program *program, size_t function, lg_error *error) {
-    LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
-    if (lg_function_image_create(program, function, &image) != LG_OK) return lg_h5_no_memory(h5, error);
-    LG_TRY(put_bytes(h5, image, error));
-    const lg_program_key at = lg_program_below("functions", lg_program_function_name(program, function));
-    const int64_t fitted = 1;
+    LG_TRY(lg_h5_put(h5, at.text, LG_ELEMENT_U8, 1, &(uint64_t){size}, bytes, error));
     if (!lg_program_is_fitted(program, function)) return LG_OK;
     return lg_h5_put_number(h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, error);
-}
-
-static lg_status put_parameter(lg_h5 *h5, const lg_parameter_spec *p, lg_error *error) {
-    uint64_t dims[LG_MAX_RANK];
-    for (uint32_t d = 0; d < p->shape.rank; d++) dims[d] = p->shape.dims[d];
-    return lg_h5_put(h5, lg_program_below("parameters", p->name).text, LG_ELEMENT_F64, p->shape.rank, dims,
-                     p->values, error);
 }
 
 /* Writes the names of all parameters, or of all functions, in order. */
@@ -104,7 +92,11 @@ lg_status lg_program_put_parameters(lg_h5 *h5, const lg_program *program, const 
         const lg_parameter_spec p = lg_program_parameter(program, i);
         bool stored;
         LG_TRY(put_places(h5, p.name, places, count, &stored, error));
-        if (!stored) LG_TRY(put_parameter(h5, &p, error));
+        uint64_t dims[LG_MAX_RANK];
+        for (uint32_t d = 0; d < p.shape.rank; d++) dims[d] = p.shape.dims[d];
+        if (!stored)
+            LG_TRY(lg_h5_put(h5, lg_program_below("parameters", p.name).text, LG_ELEMENT_F64, p.shape.rank,
+                             dims, p.values, error));
     }
     return LG_OK;
 }

@@ -16,16 +16,14 @@ static const lg_field *row_at(const lg_recipe *kind, size_t index) {
     return row->name != NULL ? row : NULL;
 }
 
-/* Whether the member has the value that it gets if its attribute is missing; then its range is not checked.
- * Attributes of /model are never missing. */
-static bool is_unknown(const lg_recipe *kind, const lg_field *r, const void *run) {
-    return strcmp(r->group, "run") == 0 &&
-           memcmp((const char *)run + r->offset, (const char *)kind->defaults + r->offset, r->size) == 0;
-}
-
+/* The range of a member that has the value for a missing attribute is not checked. Attributes of /model are
+ * never missing. */
 static lg_status check_row(const char *path, const lg_recipe *kind, const lg_field *r, const void *run,
                            lg_status status, lg_error *error) {
-    return is_unknown(kind, r, run) ? LG_OK : lg_field_check(path, r, run, status, error);
+    const bool unknown =
+        strcmp(r->group, "run") == 0 &&
+        memcmp((const char *)run + r->offset, (const char *)kind->defaults + r->offset, r->size) == 0;
+    return unknown ? LG_OK : lg_field_check(path, r, run, status, error);
 }
 
 lg_status lg_run_check(const char *path, const lg_recipe *kind, const void *run, lg_error *error) {
@@ -59,9 +57,10 @@ lg_status lg_run_get(lg_h5 *h5, const lg_recipe *kind, bool complete, void *run,
     lg_error why = {LG_OK, ""};
     if (kind->read != NULL) LG_TRY(kind->read(h5, run, error));
     if (kind->make(run, &why) == LG_OK) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: %s%s", lg_shown_path(h5->path),
-                   why.message[0] == '/' ? "" : "/model: the attributes do not describe a possible network: ",
-                   why.message);
+    return lg_h5_fail(h5, error, "%s%s",
+                      why.message[0] == '/' ? ""
+                                            : "/model: the attributes do not describe a possible network: ",
+                      why.message);
 }
 
 /* ---- slices ---- */
@@ -96,13 +95,6 @@ bool lg_slice_of_mlp(const lg_mlp *net, const char *part, size_t offset, uint32_
 
 /* ---- comparing ---- */
 
-static bool differs(const lg_field *r, const void *stored, const void *wanted, char have[LG_FIELD_TEXT_SIZE],
-                    char want[LG_FIELD_TEXT_SIZE]) {
-    lg_field_show(r, stored, have, LG_FIELD_TEXT_SIZE);
-    lg_field_show(r, wanted, want, LG_FIELD_TEXT_SIZE);
-    return strcmp(have, want) != 0;
-}
-
 lg_status lg_recipe_compare_runs(const lg_recipe *kind, const void *stored, const void *wanted,
                                  const char *path, lg_error *error) {
     char have[LG_FIELD_TEXT_SIZE], want[LG_FIELD_TEXT_SIZE];
@@ -110,9 +102,12 @@ lg_status lg_recipe_compare_runs(const lg_recipe *kind, const void *stored, cons
     if (path == NULL || kind == NULL || stored == NULL || wanted == NULL) return LG_INVALID_ARGUMENT;
     /* Other data also change the scales, so a difference of the data is reported first. */
     for (int all = 0; all < 2; all++)
-        for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++)
-            if ((all || strcmp(r->name, "data_sha256") == 0) && differs(r, stored, wanted, have, want))
+        for (size_t i = 0; (r = row_at(kind, i)) != NULL; i++) {
+            lg_field_show(r, stored, have, sizeof have);
+            lg_field_show(r, wanted, want, sizeof want);
+            if ((all || strcmp(r->name, "data_sha256") == 0) && strcmp(have, want) != 0)
                 return lg_fail(error, LG_INVALID_ARGUMENT, "%s: was written %s %s %s, not %s",
                                lg_shown_path(path), all ? "with" : "from other data:", r->name, have, want);
+        }
     return LG_OK;
 }

@@ -118,22 +118,19 @@ void lg_training_clear(lg_training *self) {
     self->result_count = self->result_room = self->first_count = 0;
 }
 
-void lg_result_add(lg_training *self, lg_result result, const char *label) {
+void lg_result_add(lg_training *self, lg_result result) {
     self->results_lost = self->results_lost || (self->result_count == self->result_room && !make_room(self));
-    result.label = label;
     if (!self->results_lost) self->results[self->result_count++] = result;
+}
+
+void lg_result_list(lg_training *self, const lg_result *results) {
+    for (; results->name != NULL; results++) lg_result_add(self, *results);
 }
 
 void lg_result_object(lg_training *self, const char *name, const lg_result *members) {
     lg_result_open(self, name, '{');
-    for (; members->name != NULL; members++) lg_result_add(self, *members, NULL);
+    lg_result_list(self, members);
     lg_result_close(self, '}');
-}
-
-void lg_result_texts(lg_training *self, const char *name, const char *texts, size_t size, uint32_t count) {
-    lg_result_open(self, name, '[');
-    for (uint32_t i = 0; i < count; i++) lg_result_text(self, NULL, texts + i * size, NULL);
-    lg_result_close(self, ']');
 }
 
 double lg_guess_class(const uint64_t *confusion, uint32_t classes) {

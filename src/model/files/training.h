@@ -136,22 +136,20 @@ const char *lg_preset_name(uint32_t value); /* NULL beyond the last preset */
  * that data and model choose it. If the preset "thesis" has another value, "; thesis: " and this value
  * follow. Fields that only Adam uses have the defaults of "thesis". */
 int lg_training_describe_field(const lg_field *row, char *text, size_t size);
-/* Append a result; results are shown in the order of these calls. */
-void lg_result_add(lg_training *self, lg_result result, const char *label);
-#define lg_result_real(self, name, value, label)  lg_result_add(self, LG_AS_REAL(name, value), label)
-#define lg_result_whole(self, name, value, label) lg_result_add(self, LG_AS_WHOLE(name, value), label)
-#define lg_result_text(self, name, value, label)  lg_result_add(self, LG_AS_TEXT(name, value), label)
+/* Append results, which are shown in the order of these calls. LG_TELL: several that have names. */
+void lg_result_add(lg_training *self, lg_result result);
+void lg_result_list(lg_training *self, const lg_result *results);
+#define LG_TELL(self, ...) lg_result_list(self, LG_RESULTS(__VA_ARGS__))
 /* Begin and end a list, with bracket '[' and ']', or an object, with '{' and '}'. People see the numbers and
  * texts of an object under both names. lg_result_table: a list of objects, or an object of objects, that
  * people see as a table; `names` is the heading of the objects' names, or "". */
-#define lg_result_open(self, name, begin)         lg_result_add(self, LG_AS_BRACKET(name, begin), NULL)
-#define lg_result_table(self, name, begin, names) lg_result_add(self, LG_AS_BRACKET(name, begin), names)
-#define lg_result_close(self, end)                lg_result_add(self, LG_AS_BRACKET(NULL, end), NULL)
+#define lg_result_table(self, key, begin, names)                                                             \
+    lg_result_add(self, LG_SHOWN(key, NODE, names, .bracket = (begin)))
+#define lg_result_open(self, key, begin) lg_result_table(self, key, begin, NULL)
+#define lg_result_close(self, end)       lg_result_open(self, NULL, end)
 /* An object of members that are made by LG_AS_REAL and the like. */
 #define LG_RESULT_OBJECT(self, key, ...) lg_result_object(self, key, LG_RESULTS(__VA_ARGS__))
 void lg_result_object(lg_training *self, const char *name, const lg_result *members);
-/* A list of texts, of `size` bytes each. */
-void lg_result_texts(lg_training *self, const char *name, const char *texts, size_t size, uint32_t count);
 /* The error of always guessing the most frequent class: the share of the others. */
 double lg_guess_class(const uint64_t *confusion, uint32_t classes);
 void lg_training_clear(lg_training *self); /* removes all results */

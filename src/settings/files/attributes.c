@@ -34,8 +34,7 @@ lg_status lg_field_write(lg_h5 *h5, const lg_field *r, const void *run, lg_error
 static lg_status attribute_format(lg_h5 *h5, const lg_field *r, const char *what, const char *why,
                                   lg_error *error) {
     char place[64];
-    return lg_fail(error, LG_FORMAT, "%s: %s %s%s", lg_shown_path(h5->path), place_of(r, place, sizeof place),
-                   what, why);
+    return lg_h5_fail(h5, error, "%s %s%s", place_of(r, place, sizeof place), what, why);
 }
 
 static lg_status get_flag(lg_h5 *h5, const lg_field *r, bool *flag, lg_error *error) {

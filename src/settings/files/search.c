@@ -61,14 +61,12 @@ static bool copy_value(const reading *r, const yaml_node_t *node, char *out, siz
 
 /* Copies the name of an option: letters, digits, - and _, beginning with a letter. */
 static bool copy_name(const yaml_node_t *node, char out[LG_RANGE_NAME]) {
-    char name[LG_RANGE_NAME];
-    if (!copy_text(node, name, sizeof name)) return false;
-    for (const char *c = name; *c != '\0'; c++) {
+    if (!copy_text(node, out, LG_RANGE_NAME)) return false;
+    for (const char *c = out; *c != '\0'; c++) {
         const bool letter = (*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z');
         const bool other = (*c >= '0' && *c <= '9') || *c == '-' || *c == '_';
-        if (!letter && (c == name || !other)) return false;
+        if (!letter && (c == out || !other)) return false;
     }
-    memcpy(out, name, sizeof name);
     return true;
 }
 
@@ -161,18 +159,6 @@ static lg_status read_range(const reading *r, const char name[LG_RANGE_NAME], co
     return LG_FAIL_AT(r->yaml, value, r->error, "%s", inner.message);
 }
 
-static lg_status read_entries(const reading *r, int key, const yaml_node_t *map) {
-    const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
-    for (; pair < map->data.mapping.pairs.top; pair++) {
-        const yaml_node_t *value = lg_node_at(r->yaml, pair->value);
-        char name[LG_RANGE_NAME] = "";
-        const size_t count = key == KEY_FIXED ? r->out->fixed_count : r->out->space.count;
-        LG_TRY(read_key(r, lg_node_at(r->yaml, pair->key), count, name));
-        LG_TRY((key == KEY_FIXED ? read_fixed : read_range)(r, name, value));
-    }
-    return LG_OK;
-}
-
 static lg_status read_file(lg_yaml *yaml, lg_search_file *out, lg_error *error) {
     lg_key_value values[KEY_COUNT] = {{.line = 0}};
     const lg_key_set set = {keys, KEY_COUNT, values};
@@ -185,7 +171,13 @@ static lg_status read_file(lg_yaml *yaml, lg_search_file *out, lg_error *error) 
             return lg_yaml_fail(yaml, values[i].line, LG_FORMAT, error,
                                 "%s: names of options with their %s are expected", keys[i].name,
                                 i == KEY_FIXED ? "values" : "ranges");
-        LG_TRY(read_entries(&r, i, node));
+        for (const yaml_node_pair_t *pair = node->data.mapping.pairs.start;
+             pair < node->data.mapping.pairs.top; pair++) {
+            char name[LG_RANGE_NAME] = "";
+            const size_t count = i == KEY_FIXED ? out->fixed_count : out->space.count;
+            LG_TRY(read_key(&r, lg_node_at(yaml, pair->key), count, name));
+            LG_TRY((i == KEY_FIXED ? read_fixed : read_range)(&r, name, lg_node_at(yaml, pair->value)));
+        }
     }
     return LG_OK;
 }

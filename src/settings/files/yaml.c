@@ -109,16 +109,8 @@ static int steps_in(yaml_token_type_t type) {
     return begins - ends;
 }
 
-/* Returns why a token is rejected, or NULL. libyaml takes quadratic time for many anchors, for many %TAG
- * lines and for deep nesting. An alias could also make a value part of itself, or a small file a huge
- * document. */
-static const char *refused(yaml_token_type_t type, int depth) {
-    if (type == YAML_ANCHOR_TOKEN || type == YAML_ALIAS_TOKEN)
-        return "anchors (&) and aliases (*) are not read: write out the value, or put the text in quotes";
-    if (type == YAML_TAG_DIRECTIVE_TOKEN) return "%TAG is not read";
-    return depth > MAX_DEPTH ? "lists and mappings are nested too deep" : NULL;
-}
-
+/* libyaml takes quadratic time for many anchors, for many %TAG lines and for deep nesting. An alias could
+ * also make a value part of itself, or a small file a huge document. */
 static lg_status check_tokens(const char *path, const unsigned char *data, size_t bytes, lg_error *error) {
     LG_CLEAN(yaml_parser_delete) yaml_parser_t parser = {0};
     int depth = 0;
@@ -129,7 +121,12 @@ static lg_status check_tokens(const char *path, const unsigned char *data, size_
         if (!yaml_parser_scan(&parser, &token)) return parser_error(path, &parser, data, bytes, error);
         depth += steps_in(token.type);
         if (depth < 0) depth = 0;
-        const char *why = refused(token.type, depth);
+        const bool alias = token.type == YAML_ANCHOR_TOKEN || token.type == YAML_ALIAS_TOKEN;
+        const char *why =
+            alias ? "anchors (&) and aliases (*) are not read: write out the value, or put the text in quotes"
+            : token.type == YAML_TAG_DIRECTIVE_TOKEN ? "%TAG is not read"
+            : depth > MAX_DEPTH                      ? "lists and mappings are nested too deep"
+                                                     : NULL;
         if (why != NULL)
             return lg_fail(error, LG_FORMAT, "%s: line %zu: %s", lg_shown_path(path),
                            token.start_mark.line + 1, why);
@@ -254,17 +251,13 @@ static lg_status read_name(const lg_yaml *yaml, const lg_field *key, const yaml_
 
 /* ---- values ---- */
 
-static bool is_names(const lg_field *key) {
-    return key->type == LG_FIELD_NAME || key->type == LG_FIELD_NAMES || key->type == LG_FIELD_FLAG;
-}
-
 static lg_status add_scalar(const lg_yaml *yaml, const lg_field *key, const yaml_node_t *node,
                             lg_key_value *value, lg_error *error) {
     if (value->count >= LG_VALUES)
         return LG_FAIL_AT(yaml, node, error, "%s: there are too many values", key->name);
     double number = 0;
-    LG_TRY(is_names(key) ? read_name(yaml, key, node, &number, error)
-                         : read_number(yaml, key, node, &number, error));
+    const bool name = key->type == LG_FIELD_NAME || key->type == LG_FIELD_NAMES || key->type == LG_FIELD_FLAG;
+    LG_TRY(name ? read_name(yaml, key, node, &number, error) : read_number(yaml, key, node, &number, error));
     value->real[value->count++] = number;
     return LG_OK;
 }
@@ -388,9 +381,10 @@ lg_status lg_yaml_block(lg_yaml *yaml, const lg_field *key, const lg_key_value *
 
 /* ---- mappings ---- */
 
-static const yaml_node_t *find_below(const lg_yaml *yaml, const yaml_node_t *map, const char *key,
-                                     size_t length) {
+const yaml_node_t *lg_node_below(const lg_yaml *yaml, const yaml_node_t *map, const char *key) {
     yaml_document_t *document = (yaml_document_t *)&yaml->document; /* only read here */
+    const size_t length = strcspn(key, ".");
+    if (map->type != YAML_MAPPING_NODE) return NULL;
     const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
     for (; pair < map->data.mapping.pairs.top; pair++) {
         const char *text = lg_node_text(yaml_document_get_node(document, pair->key), NAME_SIZE);
@@ -402,14 +396,12 @@ static const yaml_node_t *find_below(const lg_yaml *yaml, const yaml_node_t *map
 
 bool lg_yaml_has(const lg_yaml *yaml, const char *key) {
     const char *dot = strchr(key, '.');
-    const yaml_node_t *node =
-        find_below(yaml, yaml->root, key, dot != NULL ? (size_t)(dot - key) : strlen(key));
-    if (dot == NULL || node == NULL) return node != NULL;
-    return node->type == YAML_MAPPING_NODE && find_below(yaml, node, dot + 1, strlen(dot + 1)) != NULL;
+    const yaml_node_t *node = lg_node_below(yaml, yaml->root, key);
+    return node != NULL && (dot == NULL || lg_node_below(yaml, node, dot + 1) != NULL);
 }
 
 lg_status lg_yaml_name(lg_yaml *yaml, const lg_field *key, lg_key_value *value, lg_error *error) {
-    const yaml_node_t *node = find_below(yaml, yaml->root, key->name, strlen(key->name));
+    const yaml_node_t *node = lg_node_below(yaml, yaml->root, key->name);
     if (node == NULL) return LG_FAIL_AT(yaml, yaml->root, error, "key '%s' is missing", key->name);
     return read_value(yaml, key, node, value, error);
 }
@@ -484,24 +476,18 @@ static lg_status read_pair(const reading *r, const yaml_node_t *key_node, const 
     return read_map(r, node, inner);
 }
 
-/* Reports a required key directly below `prefix` that is missing. */
-static lg_status check_required(const reading *r, const yaml_node_t *map, const char *prefix) {
-    for (size_t s = 0; s < r->set_count; s++) {
-        for (size_t i = 0; i < r->sets[s].count; i++) {
-            const lg_field *key = &r->sets[s].keys[i];
-            if (key->required && r->sets[s].values[i].line == 0 && name_below(key, prefix) != NULL)
-                return LG_FAIL_AT(r->yaml, map, r->error, "key '%s' is missing", key->name);
-        }
-    }
-    return LG_OK;
-}
-
 static lg_status read_map(const reading *r, const yaml_node_t *map, const char *prefix) {
     const yaml_node_pair_t *pair = map->data.mapping.pairs.start;
     for (; pair < map->data.mapping.pairs.top; pair++)
         LG_TRY(read_pair(r, yaml_document_get_node(&r->yaml->document, pair->key),
                          yaml_document_get_node(&r->yaml->document, pair->value), prefix));
-    return check_required(r, map, prefix);
+    for (size_t s = 0; s < r->set_count; s++) /* required keys directly below `prefix` */
+        for (size_t i = 0; i < r->sets[s].count; i++) {
+            const lg_field *key = &r->sets[s].keys[i];
+            if (key->required && r->sets[s].values[i].line == 0 && name_below(key, prefix) != NULL)
+                return LG_FAIL_AT(r->yaml, map, r->error, "key '%s' is missing", key->name);
+        }
+    return LG_OK;
 }
 
 static lg_status read_keys(const reading *r, const yaml_node_t *map) {

@@ -113,22 +113,19 @@ static lg_status default_outputs(lg_training *self, const lg_table_names *all, l
     return LG_OK;
 }
 
-static lg_status no_column(const lg_training *self, const lg_table_names *have, const char *name,
-                           lg_error *error) {
-    lg_name_list list = {.used = 0};
-    for (uint32_t i = 0; i < have->count; i++) lg_name_list_add(&list, lg_csv_quote(have->name[i]).text);
-    return lg_fail(error, LG_FORMAT, "%s: there is no column '%s'; the columns are: %s", self->paths[0], name,
-                   list.text);
-}
-
 /* Reads --class, one name, and --without, names of columns of the table. */
 static lg_status name_others(lg_training *self, const lg_table_names *all, lg_error *error) {
     lg_table_state *s = self->state;
     if (!lg_table_is_regression(s)) LG_TRY(lg_table_class_parse(s->given.class_column, s->class_name, error));
     if (s->given.without == NULL) return LG_OK;
     LG_TRY(lg_table_names_parse(self->context, "without", s->given.without, &s->without, error));
-    for (uint32_t i = 0; i < s->without.count; i++)
-        if (!has_name(all, s->without.name[i])) return no_column(self, all, s->without.name[i], error);
+    for (uint32_t i = 0; i < s->without.count; i++) {
+        lg_name_list list = {.used = 0};
+        if (has_name(all, s->without.name[i])) continue;
+        for (uint32_t k = 0; k < all->count; k++) lg_name_list_add(&list, lg_csv_quote(all->name[k]).text);
+        return lg_fail(error, LG_FORMAT, "%s: there is no column '%s'; the columns are: %s", self->paths[0],
+                       s->without.name[i], list.text);
+    }
     return LG_OK;
 }
 

@@ -138,7 +138,7 @@ static void tell_columns(lg_training *self, const lg_table_file *file, const cha
                          const double *values) {
     lg_result_open(self, name, '{');
     for (uint32_t o = 0; o < file->run.model.net.outputs; o++)
-        lg_result_real(self, file->output_name[o], values[o], NULL);
+        LG_TELL(self, LG_REAL(file->output_name[o], values[o], NULL));
     lg_result_close(self, '}');
 }
 
@@ -146,18 +146,17 @@ void lg_table_tell(lg_training *self, const lg_table_file *file, const lg_table_
     if (is_regression(file)) {
         tell_columns(self, file, "rmse", j->rmse);
         tell_columns(self, file, "r2", j->r2);
-        lg_result_real(self, "scaled_rmse", j->scaled_rmse, "over all outputs, in units of their deviations");
+        LG_TELL(self,
+                LG_REAL("scaled_rmse", j->scaled_rmse, "over all outputs, in units of their deviations"));
     } else {
-        lg_result_real(self, "accuracy", j->accuracy, "share of the rows whose class is right");
-        lg_result_real(self, "f1", j->f1, NULL);
-        lg_result_real(self, "log_loss", j->log_loss, "mean of -log of the probability of the true class");
-        lg_result_add(
-            self, LG_AS_CONFUSION("confusion", j->confusion, file->run.model.net.outputs, file->output_name),
-            NULL);
-        lg_result_texts(self, "classes", file->output_name[0], LG_TABLE_NAME, file->run.model.net.outputs);
+        LG_TELL(self, LG_REAL("accuracy", j->accuracy, "share of the rows whose class is right"),
+                LG_REAL("f1", j->f1, NULL),
+                LG_REAL("log_loss", j->log_loss, "mean of -log of the probability of the true class"),
+                LG_AS_CONFUSION("confusion", j->confusion, file->run.model.net.outputs, file->output_name),
+                LG_AS_TEXTS("classes", file->output_name, file->run.model.net.outputs));
     }
-    lg_result_whole(self, "judged_rows", j->rows, NULL);
-    lg_result_whole(self, "outside", j->outside, "rows beyond the training range");
+    LG_TELL(self, LG_WHOLE("judged_rows", j->rows, NULL),
+            LG_WHOLE("outside", j->outside, "rows beyond the training range"));
 }
 
 bool lg_table_are_finite(const double *y, uint32_t count) {

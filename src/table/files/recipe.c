@@ -68,15 +68,6 @@ static bool usual(lg_training *self, uint32_t at) {
     return at < 3;
 }
 
-static lg_status check_plan(const lg_table_state *s, const lg_fit_plan *plan, lg_error *error) {
-    for (uint32_t i = 0; i < plan->phases && !lg_table_is_regression(s); i++)
-        if (lg_fit_method_squares((lg_fit_method)plan->phase[i].method))
-            return lg_fail(error, LG_UNSUPPORTED,
-                           "--optimizer lm minimises only sums of squares; for a classification, take lbfgs, "
-                           "ssbroyden or adam");
-    return LG_OK;
-}
-
 static lg_status describe(lg_training *self, lg_error *error) {
     const lg_table_state *s = self->state;
     lg_table_run *run = self->run;
@@ -87,7 +78,13 @@ static lg_status describe(lg_training *self, lg_error *error) {
     lg_table_options options = run->model.options;
     options.task = lg_table_is_regression(s) ? LG_TABLE_REGRESSION : LG_TABLE_CLASSIFICATION;
     LG_TRY(lg_table_init(&run->model, &options, s->inputs.count, s->outputs.count, error));
-    return check_plan(s, &run->training.plan, error);
+    const lg_fit_plan *plan = &run->training.plan;
+    for (uint32_t i = 0; i < plan->phases && !lg_table_is_regression(s); i++)
+        if (lg_fit_method_squares((lg_fit_method)plan->phase[i].method))
+            return lg_fail(error, LG_UNSUPPORTED,
+                           "--optimizer lm minimises only sums of squares; for a classification, take lbfgs, "
+                           "ssbroyden or adam");
+    return LG_OK;
 }
 
 /* ---- the scaling ---- */
@@ -405,26 +402,23 @@ static void tell_evidence(lg_training *self) {
     /* The noise follows from the residuals of the last fit. */
     const double noise =
         s->usual.scaled_rmse * sqrt(numbers / fmax(numbers - found->effective, 0.02 * numbers));
-    lg_result_whole(self, "evidence_evaluations", found->evaluations, NULL);
-    lg_result_real(self, "effective_parameters", sought ? found->effective : (double)NAN,
-                   "parameters that the data determine");
-    lg_result_real(self, "log_evidence", sought ? found->evidence : (double)NAN, NULL);
-    lg_result_real(self, "noise", sought ? noise : (double)NAN, "in units of the outputs' deviation");
+    LG_TELL(self, LG_WHOLE("evidence_evaluations", found->evaluations, NULL),
+            LG_REAL("effective_parameters", sought ? found->effective : (double)NAN,
+                    "parameters that the data determine"),
+            LG_REAL("log_evidence", sought ? found->evidence : (double)NAN, NULL),
+            LG_REAL("noise", sought ? noise : (double)NAN, "in units of the outputs' deviation"));
 }
 
 static void tell(lg_training *self) {
     const lg_table_state *s = self->state;
     lg_table_tell(self, &s->file, &s->judged);
-    lg_result_text(self, "part", s->part, "the rows that were judged");
-    lg_result_real(self, "train_scaled_rmse", s->learned.scaled_rmse, NULL);
-    lg_result_real(self, "train_accuracy", s->learned.accuracy, NULL);
-    lg_result_text(self, "task", lg_table_task_name(s->file.run.model.options.task), NULL);
-    lg_result_whole(self, "parameters", s->file.parameters, NULL);
-    lg_result_whole(self, "rows", s->table.data.rows, NULL);
-    lg_result_whole(self, "rows_left_out", s->table.left_out, NULL);
-    lg_result_whole(self, "train_rows", s->trained, NULL);
-    lg_result_whole(self, "inputs", s->inputs.count, NULL);
-    lg_result_whole(self, "outputs", s->outputs.count, NULL);
+    LG_TELL(self, LG_TEXT("part", s->part, "the rows that were judged"),
+            LG_REAL("train_scaled_rmse", s->learned.scaled_rmse, NULL),
+            LG_REAL("train_accuracy", s->learned.accuracy, NULL),
+            LG_TEXT("task", lg_table_task_name(s->file.run.model.options.task), NULL),
+            LG_WHOLE("parameters", s->file.parameters, NULL), LG_WHOLE("rows", s->table.data.rows, NULL),
+            LG_WHOLE("rows_left_out", s->table.left_out, NULL), LG_WHOLE("train_rows", s->trained, NULL),
+            LG_WHOLE("inputs", s->inputs.count, NULL), LG_WHOLE("outputs", s->outputs.count, NULL));
     tell_evidence(self);
     self->first_count = self->result_count;
 }
@@ -448,8 +442,8 @@ static lg_status evaluate(lg_training *self, const void *file, lg_error *error) 
     self->verdict.failed = lg_table_warn_errors(self->context, &s->file, j, s->table.path);
     LG_TRY(warn_far_outputs(self, &s->table, error));
     lg_table_tell(self, &s->file, j);
-    lg_result_text(self, "task", lg_table_task_name(s->file.run.model.options.task), NULL);
-    lg_result_whole(self, "rows_left_out", s->table.left_out, NULL);
+    LG_TELL(self, LG_TEXT("task", lg_table_task_name(s->file.run.model.options.task), NULL),
+            LG_WHOLE("rows_left_out", s->table.left_out, NULL));
     return LG_OK;
 }
 

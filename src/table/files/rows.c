@@ -175,18 +175,6 @@ static lg_status check_column(lg_training *self, uint32_t column, bool *keep, lg
                    data->line[high]);
 }
 
-/* Leaves constant inputs out as if they had not been named: they would change the width and the priors. */
-static lg_status check_columns(lg_training *self, lg_error *error) {
-    lg_table_state *s = self->state;
-    bool *keep;
-    LG_TRAINING_ARRAY(self, keep, s->table.data.columns, error);
-    for (uint32_t c = 0; c < s->table.data.columns; c++) LG_TRY(check_column(self, c, &keep[c], error));
-    keep_columns(s, keep);
-    if (s->inputs.count > 0) return LG_OK;
-    return lg_fail(error, LG_FORMAT, "%s: all inputs are constant: there is nothing to learn from",
-                   s->table.path);
-}
-
 /* ---- cells far from all others ---- */
 
 lg_status lg_table_warn_far(const lg_context *context, const lg_table_sheet *sheet, uint32_t first,
@@ -215,11 +203,13 @@ lg_status lg_table_warn_far(const lg_context *context, const lg_table_sheet *she
 
 /* ---- classes ---- */
 
-/* Counts the rows of each class. Fails if fewer than two classes have rows. */
-static lg_status count_classes(lg_training *self, uint64_t *members, lg_error *error) {
-    const lg_table_state *s = self->state;
+/* Makes the classes the names of the outputs. Fails if fewer than two classes have rows. */
+static lg_status take_classes(lg_training *self, lg_error *error) {
+    lg_table_state *s = self->state;
     const lg_table_data *data = &s->table.data;
     uint32_t present = 0;
+    uint64_t *members;
+    LG_TRAINING_ARRAY(self, members, data->classes, error);
     for (size_t i = 0; i < data->rows; i++) members[data->label[i]]++;
     for (uint32_t c = 0; c < data->classes; c++) present += members[c] > 0;
     if (present < 2)
@@ -229,16 +219,6 @@ static lg_status count_classes(lg_training *self, uint64_t *members, lg_error *e
         if (members[c] < 2)
             LG_WARN(self, "%s: class '%s' has only %llu %s", s->table.path, data->class_name[c],
                     (unsigned long long)members[c], members[c] == 1 ? "row" : "complete rows");
-    return LG_OK;
-}
-
-/* Makes the classes the names of the outputs. */
-static lg_status take_classes(lg_training *self, lg_error *error) {
-    lg_table_state *s = self->state;
-    const lg_table_data *data = &s->table.data;
-    uint64_t *members;
-    LG_TRAINING_ARRAY(self, members, data->classes, error);
-    LG_TRY(count_classes(self, members, error));
     s->outputs = (lg_table_names){
         data->classes, lg_alloc(self->context, data->classes, sizeof(lg_table_text)), self->context};
     if (s->outputs.name == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "out of memory");
@@ -258,7 +238,14 @@ static lg_status read_learned(lg_training *self, lg_error *error) {
     LG_TRY(leave_incomplete(self, sheet, error));
     if (sheet->data.rows < 2)
         return lg_fail(error, LG_FORMAT, "%s: has 1 complete row; at least two are needed", sheet->path);
-    LG_TRY(check_columns(self, error));
+    /* Constant inputs are left out as if they had not been named: they would change the width and priors. */
+    bool *keep;
+    LG_TRAINING_ARRAY(self, keep, sheet->data.columns, error);
+    for (uint32_t c = 0; c < sheet->data.columns; c++) LG_TRY(check_column(self, c, &keep[c], error));
+    keep_columns(s, keep);
+    if (s->inputs.count == 0)
+        return lg_fail(error, LG_FORMAT, "%s: all inputs are constant: there is nothing to learn from",
+                       sheet->path);
     LG_TRY(lg_table_warn_far(self->context, sheet, 0, s->inputs.name, s->inputs.count,
                              "the column is scaled without these cells, but the fit has to follow them",
                              error));
@@ -301,24 +288,20 @@ static int compare_sorted(const void *a, const void *b) {
     return (x->label > y->label) - (x->label < y->label);
 }
 
-static void sort_rows(const lg_table_state *s, sorted_row *rows) {
+lg_status lg_table_warn_repeated(lg_training *self, lg_error *error) {
+    const lg_table_state *s = self->state;
     const lg_table_data *data = &s->table.data;
+    size_t repeated = 0, shared = 0, first = 0;
+    bool both = false;
+    sorted_row *rows;
+    LG_TRAINING_ARRAY(self, rows, data->rows, error);
     for (size_t i = 0; i < data->rows; i++) {
         const size_t row = s->order[i];
         rows[i] = (sorted_row){lg_table_sheet_row(&s->table, row), data->columns,
                                data->label != NULL ? data->label[row] : 0, i < s->trained};
     }
     qsort(rows, data->rows, sizeof *rows, compare_sorted);
-}
-
-lg_status lg_table_warn_repeated(lg_training *self, lg_error *error) {
-    const lg_table_state *s = self->state;
-    size_t repeated = 0, shared = 0, first = 0;
-    bool both = false;
-    sorted_row *rows;
-    LG_TRAINING_ARRAY(self, rows, s->table.data.rows, error);
-    sort_rows(s, rows);
-    for (size_t i = 1; i < s->table.data.rows; i++) {
+    for (size_t i = 1; i < data->rows; i++) {
         const bool same = compare_sorted(&rows[i - 1], &rows[i]) == 0;
         repeated += same;
         if (!same) first = i, both = false;

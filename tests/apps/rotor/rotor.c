@@ -201,8 +201,8 @@ static lg_status judge(lg_training *self, double *theta, lg_error *error) {
         const double *row = s->pairs.values + i / D * PAIR + i % D;
         unchanged += (row[D] - row[0]) * (row[D] - row[0]) / (double)(rows * D);
     }
-    lg_result_real(self, "loss", loss, "mean square of one step's error");
-    lg_result_whole(self, "parameters", parameters(self->run), NULL);
+    LG_TELL(self, LG_REAL("loss", loss, "mean square of one step's error"),
+            LG_WHOLE("parameters", parameters(self->run), NULL));
     self->first_count = self->result_count;
     self->verdict =
         (lg_training_verdict){"mean squared error", "a state that does not change", loss, unchanged, false};
