@@ -14,14 +14,6 @@
 #include "mechanics/fields/chain_hamiltonian.inc"
 #include "mechanics/fields/chain_lagrangian.inc"
 
-static const double one = 1.0;
-
-const lg_parameter_entry lg_chain_parameters[] = {
-    {"gravity", "g", 1, LG_PARAMETER_FINITE, NULL, "acceleration along -e3, m/s^2"},
-    {"masses", "m", 0, LG_PARAMETER_POSITIVE, &one, "mass at the end of each link, kg"},
-    {"lengths", "L", 0, LG_PARAMETER_POSITIVE, &one, "length of each link, m"},
-    {.key = NULL}};
-
 static void prepare(lg_system *system, double *constants) {
     const lg_chain c = lg_chain_of(system);
     lg_chain_constants(&c);

@@ -164,5 +164,13 @@ static lg_var potential(lg_tape *tape, const lg_at *at) {
     return lg_mul(tape, V, lg_row_number(tape, at, 0));
 }
 
+static const double one = 1.0;
+
+const lg_parameter_entry lg_chain_parameters[] = {
+    {"gravity", "g", 1, LG_PARAMETER_FINITE, NULL, "acceleration along -e3, m/s^2"},
+    {"masses", "m", 0, LG_PARAMETER_POSITIVE, &one, "mass at the end of each link, kg"},
+    {"lengths", "L", 0, LG_PARAMETER_POSITIVE, &one, "length of each link, m"},
+    {.key = NULL}};
+
 const lg_energy_row lg_energy_chain = {"pendulum-chain",          lg_chain_parameters, mass, potential, 0,
                                        {LG_COORDINATE_DIRECTION}, .seen = ~0U};

@@ -112,8 +112,10 @@ void lg_trajectory_disturb(const lg_trajectory_options *options, size_t d, size_
     X(oscillator)                                                                                            \
     X(quartic)                                                                                               \
     X(coupled)                                                                                               \
-    X(chain_lagrangian) X(chain_hamiltonian) X(rigid_body) X(attitude) X(top_cotangent) X(top_direct)        \
-        X(top_lie_poisson) X(top_quadratic) X(satellite) X(quadrotors) X(quadrotor_bodies)
+    X(chain_lagrangian)                                                                                      \
+    X(chain_hamiltonian)                                                                                     \
+    X(rigid_body) X(attitude) X(top_cotangent) X(top_direct) X(top_lie_poisson) X(top_quadratic)             \
+        X(satellite) X(quadrotors) X(quadrotor_bodies)
 #define LG_DECLARE_ROW(name) extern const lg_system_row lg_system_row_##name;
 LG_SYSTEM_ROWS(LG_DECLARE_ROW)
 

@@ -35,29 +35,29 @@ static void collect(lg_tape *tape, lg_node_range range, lg_var *found, const lg_
     for (size_t i = 0; i < n && tape->status == LG_OK; i++) out[i] = found[list[i].index - range.lo];
 }
 
-/* Whether a request has what it needs: `pairs` variables and as many of the same shapes, a list of n variables
- * and, unless it is empty, a place for n results. If false, the error is on the tape. */
-static bool is_complete(lg_tape *tape, const char *name, const lg_var *x, const lg_var *like, size_t pairs,
-                        const lg_var *list, size_t n, const lg_var *out, const char *fault) {
+/* Checks that a request has what it needs: `pairs` variables and as many of the same shapes, a list of n
+ * variables and, unless it is empty, a place for n results. */
+static lg_status check_request(lg_tape *tape, const char *name, const lg_var *x, const lg_var *like,
+                               size_t pairs, const lg_var *list, size_t n, const lg_var *out,
+                               const char *fault) {
     const bool given =
         (pairs == 0 || (x != NULL && like != NULL)) && (n == 0 || (list != NULL && out != NULL));
-    if (lg_tape_needs(tape, name, given) != LG_OK) return false;
+    LG_TRY(lg_tape_needs(tape, name, given));
     if (!lg_valid_list(tape, x, pairs, name) || !lg_valid_list(tape, like, pairs, name) ||
         !lg_valid_list(tape, list, n, name))
-        return false;
+        return tape->status;
     for (size_t j = 0; j < pairs && n > 0; j++)
         if (!lg_same_shape(&lg_node_at(tape, x[j])->shape, &lg_node_at(tape, like[j])->shape)) {
             lg_tape_fail(tape, LG_SHAPE, name, fault);
-            return false;
+            return tape->status;
         }
-    return true;
+    return LG_OK;
 }
 
 lg_status lg_vjp(lg_tape *tape, const lg_var *y, const lg_var *cotangent, size_t ny, const lg_var *wrt,
                  size_t n, lg_var *out) {
-    if (!is_complete(tape, "vjp", y, cotangent, ny, wrt, n, out,
-                     "a cotangent has another shape than its output"))
-        return tape->status;
+    LG_TRY(check_request(tape, "vjp", y, cotangent, ny, wrt, n, out,
+                         "a cotangent has another shape than its output"));
     if (n == 0) return LG_OK;
     const lg_node_range range = lg_range_of(y, ny, wrt, n);
     size_t length = (size_t)range.hi - range.lo + 1;
@@ -130,9 +130,8 @@ static void forward_sweep(lg_tape *tape, lg_node_range range, const uint8_t *rea
 
 lg_status lg_jvp(lg_tape *tape, const lg_var *y, size_t ny, const lg_var *x, const lg_var *direction,
                  size_t nx, lg_var *out) {
-    if (!is_complete(tape, "jvp", x, direction, nx, y, ny, out,
-                     "a tangent has another shape than its variable"))
-        return tape->status;
+    LG_TRY(check_request(tape, "jvp", x, direction, nx, y, ny, out,
+                         "a tangent has another shape than its variable"));
     if (ny == 0) return LG_OK;
     lg_node_range range = lg_range_of(y, ny, x, nx);
     for (size_t j = 0; j < ny; j++)
