@@ -22,7 +22,7 @@ lg_status app_hash_file(const char *path, lg_sha256 *state, lg_error *error) {
     errno = 0;
     FILE *file = app_open(path);
     if (file == NULL)
-        return lg_fail(error, errno == ENOMEM ? LG_OUT_OF_MEMORY : LG_FILE, "%s: cannot be read: %s", path,
+        return lg_fail(error, lg_status_of(errno), "%s: cannot be read: %s", path,
                        errno != 0 ? strerror(errno) : "it is not a regular file");
     for (size_t n; (n = fread(block, 1, sizeof block, file)) > 0;) lg_sha256_add(state, block, n);
     const bool whole = ferror(file) == 0;

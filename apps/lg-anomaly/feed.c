@@ -144,7 +144,7 @@ typedef struct sink {
 /* Returns LG_FILE with the message of errno, or LG_CANCELLED if a signal interrupted the write. */
 static lg_status file_failed(lg_error *error) {
     if (app_interrupted()) return LG_CANCELLED;
-    return lg_fail(error, LG_FILE, "%s: %s", values.out != NULL ? values.out : "standard output",
+    return lg_fail(error, lg_status_of(errno), "%s: %s", values.out != NULL ? values.out : "standard output",
                    strerror(errno));
 }
 

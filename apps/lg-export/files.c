@@ -231,7 +231,7 @@ typedef struct place {
 } place;
 
 static lg_status place_error(const place *at, const char *what, int code, lg_error *error) {
-    return lg_fail(error, LG_FILE, "%s: %s: %s", at->out, what, strerror(code));
+    return lg_fail(error, lg_status_of(code), "%s: %s: %s", at->out, what, strerror(code));
 }
 
 static bool is_empty_folder(const char *path) {

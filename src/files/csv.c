@@ -3,6 +3,7 @@
 #include "files/csv.h"
 #include "files/h5.h"
 #include "files/read_file.h"
+#include "files/temporary.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -101,7 +102,8 @@ lg_status lg_csv_next(lg_csv *c, bool *more, lg_error *error) {
         c->lines++;
     }
     if (c->failure != 0)
-        return lg_fail(error, LG_FILE, "%s: cannot be read: %s", c->shown, strerror(c->failure));
+        return lg_fail(error, lg_status_of(c->failure), "%s: cannot be read: %s", c->shown,
+                       strerror(c->failure));
     if (quoted && c->lines > c->number) return lg_csv_fail(c, error, OPEN_QUOTE);
     *more = c->closed || c->length > 0 || c->cut;
     size_t end = c->length;

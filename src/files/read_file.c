@@ -5,6 +5,7 @@
 
 #include "files/h5.h"
 #include "files/read_file.h"
+#include "files/temporary.h"
 
 lg_status lg_read_open(const char *path, FILE **out, uint64_t *bytes, lg_error *error) {
     const char *shown = lg_shown_path(path);
@@ -16,7 +17,8 @@ lg_status lg_read_open(const char *path, FILE **out, uint64_t *bytes, lg_error *
         return lg_fail(error, LG_FILE, "%s: is not a regular file; save the output of a pipe in a file first",
                        shown);
     FILE *file = fopen(path, "rb");
-    if (file == NULL) return lg_fail(error, LG_FILE, "%s: cannot be read: %s", shown, strerror(errno));
+    if (file == NULL)
+        return lg_fail(error, lg_status_of(errno), "%s: cannot be read: %s", shown, strerror(errno));
     *out = file;
     *bytes = (uint64_t)about.st_size;
     return LG_OK;

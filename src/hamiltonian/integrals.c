@@ -22,7 +22,8 @@ static lg_var anharmonic(void *user, lg_tape *tape, const lg_hamiltonian_vars *v
     return lg_add(tape, oscillator(user, tape, vars, y), lg_scale(tape, quartic, 0.25));
 }
 
-/* The momentum of a symmetry: q_1 p_2 - q_2 p_1 of R^2, e3.pi + sum_i e3.(q_i x p_i) where there are vectors. */
+/* The momentum of a symmetry: q_1 p_2 - q_2 p_1 of R^2, e3.pi + sum_i e3.(q_i x p_i) where there are
+ * vectors. */
 static lg_var momentum(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
     const bool plane = lg_hamiltonian_vectors(vars->model) == 0;
     const lg_symmetry symmetry = plane ? LG_SYMMETRY_SPHERICAL : LG_SYMMETRY_AXIAL;

@@ -1,5 +1,5 @@
-/* The pendulum chain of k spherical pendulums in two forms: Hamiltonian on (T*S^2)^k and Lagrangian on (TS^2)^k,
- * y = (q_1, omega_1, q_2, omega_2, ...), with equations at lg_system_ode in liegrad/mechanics.h. */
+/* The pendulum chain of k spherical pendulums in two forms: Hamiltonian on (T*S^2)^k, and Lagrangian on
+ * (TS^2)^k, y = (q_1, omega_1, q_2, omega_2, ...), with equations at lg_system_ode in liegrad/mechanics.h. */
 #include "mechanics/chain.h"
 
 #include <math.h>

@@ -152,8 +152,8 @@ static lg_var unit(lg_tape *tape, lg_var x) {
     return lg_div(tape, x, lg_sqrt(tape, lg_rownorm2(tape, x)));
 }
 
-/* Writes R Omega and Omega' of a quadrotor, whose parts of the state are y. Returns the thrust that acts where
- * w is asked for. */
+/* Writes R Omega and Omega' of a quadrotor, whose parts of the state are y. Returns the thrust that acts
+ * where w is asked for. */
 static lg_var steered(const flight *f, const lg_var *y, lg_var w, lg_var *algebra) {
     lg_tape *tape = f->tape;
     const lg_shape line = lg_shape3(f->rows, 1, 3), column = lg_shape3(f->rows, 3, 1);

@@ -13,8 +13,8 @@ enum { VELOCITY, FORCE }; /* of separable systems, in their place */
 
 typedef struct lg_written {
     const char *name, *form; /* of the system */
-    /* From y (of separable systems p, q), parameters and t; NULL: the row has no taped energy. `work`: doubles
-     * that they need. */
+    /* From y (of separable systems p, q), parameters and t; NULL: the row has no taped energy. `work`:
+     * doubles that they need. */
     void (*function[FUNCTIONS])(const double *y, const double *parameters, const double *t, double *out,
                                 double *work);
     size_t work;

@@ -114,8 +114,15 @@ void lg_trajectory_disturb(const lg_trajectory_options *options, size_t d, size_
     X(coupled)                                                                                               \
     X(chain_lagrangian)                                                                                      \
     X(chain_hamiltonian)                                                                                     \
-    X(rigid_body) X(attitude) X(top_cotangent) X(top_direct) X(top_lie_poisson) X(top_quadratic)             \
-        X(satellite) X(quadrotors) X(quadrotor_bodies)
+    X(rigid_body)                                                                                            \
+    X(attitude)                                                                                              \
+    X(top_cotangent)                                                                                         \
+    X(top_direct)                                                                                            \
+    X(top_lie_poisson)                                                                                       \
+    X(top_quadratic)                                                                                         \
+    X(satellite)                                                                                             \
+    X(quadrotors)                                                                                            \
+    X(quadrotor_bodies)
 #define LG_DECLARE_ROW(name) extern const lg_system_row lg_system_row_##name;
 LG_SYSTEM_ROWS(LG_DECLARE_ROW)
 
@@ -125,7 +132,14 @@ LG_SYSTEM_ROWS(LG_DECLARE_ROW)
  * have this order, and M has a row for each velocity: three for a rotation and for a direction. */
 #define LG_DERIVED_SYSTEMS(X) X(cart_pole) X(rotary) X(arm)
 /* Their energies, after those of systems with a field of their own. */
-#define LG_ENERGIES(X)          X(oscillator) X(quartic) X(coupled) X(attitude) X(top) X(chain) LG_DERIVED_SYSTEMS(X)
+#define LG_ENERGIES(X)                                                                                       \
+    X(oscillator)                                                                                            \
+    X(quartic)                                                                                               \
+    X(coupled)                                                                                               \
+    X(attitude)                                                                                              \
+    X(top)                                                                                                   \
+    X(chain)                                                                                                 \
+    LG_DERIVED_SYSTEMS(X)
 #define LG_DECLARE_ENERGY(name) extern const lg_energy_row lg_energy_##name;
 LG_ENERGIES(LG_DECLARE_ENERGY)
 const lg_system_row *lg_derived_row(size_t index); /* NULL beyond the last */

@@ -24,7 +24,7 @@ struct lg_rows_file {
 LG_AT(lg_rows_file_destroy, lg_rows_file)
 
 static lg_status failed(lg_error *error, const char *path, const char *what) {
-    return lg_fail(error, LG_FILE, "%s: %s: %s", lg_shown_path(path), what, strerror(errno));
+    return lg_fail(error, lg_status_of(errno), "%s: %s: %s", lg_shown_path(path), what, strerror(errno));
 }
 
 /* ---- the layout ---- */
