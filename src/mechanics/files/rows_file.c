@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "files/h5_internal.h"
+#include "files/temporary.h"
 
 static const char KIND[] = "ensemble-trajectories";
 
