@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "files/csv.h"
+#include "files/temporary.h"
 #include "lg-anomaly/anomaly.h"
 
 enum { HOUR = 3600 };
