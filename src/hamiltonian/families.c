@@ -26,14 +26,18 @@ static bool learns(const lg_hamiltonian_family *family, const lg_system *system,
     const lg_space *space = lg_system_space(system);
     const bool flat = lg_space_is_abelian(space);
     const size_t links = lg_system_links(system);
+    /* T*SO(3) as SE(3) has the same numbers, R and pi. */
+    const lg_space_factor body[] = {{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}};
+    const bool group = space->factors == 1 && space->factor[0].kind == LG_SPACE_SE3;
+    const lg_space_factor *factor = group ? body : space->factor;
     lg_space own;
     *n = flat ? space->dim / 2 : links > 0 ? links : 1;
     if (flat) return family->drift != NULL && lg_system_separable(system);
-    if (lg_hamiltonian_space(family, (uint32_t)*n, &own) != LG_OK || own.factors != space->factors)
+    if (lg_hamiltonian_space(family, (uint32_t)*n, &own) != LG_OK ||
+        own.factors != (group ? LG_COUNT(body) : space->factors))
         return false;
     for (size_t i = 0; i < own.factors; i++)
-        if (own.factor[i].kind != space->factor[i].kind || own.factor[i].count != space->factor[i].count)
-            return false;
+        if (own.factor[i].kind != factor[i].kind || own.factor[i].count != factor[i].count) return false;
     return true;
 }
 
