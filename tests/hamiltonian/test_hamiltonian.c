@@ -882,6 +882,21 @@ TEST("for every family and system that it can learn, the true energy gives the t
     }
 }
 
+TEST("a heavy top is learned as a body in each form whose state is R and pi") {
+    static const char *const forms[] = {"cotangent", "direct"};
+    for (size_t i = 0; i < LG_COUNT(forms); i++) {
+        lg_system_options options;
+        lg_system *system;
+        size_t n = 0;
+        lg_system_options_init(&options);
+        options.form = forms[i];
+        assert_ok(lg_system_create(NULL, "heavy-top", &options, &system, NULL));
+        lg_test_owns(system, release_system);
+        assert_string_equal(lg_hamiltonian_family_for(system, &n)->name, "rotation");
+        assert_int_equal(n, 1);
+    }
+}
+
 TEST("every family has all of its texts, and a different name") {
     const lg_hamiltonian_family *row;
     for (size_t i = 0; (row = lg_hamiltonian_family_at(i)) != NULL; i++) {
