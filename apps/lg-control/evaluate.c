@@ -175,11 +175,11 @@ typedef struct sums {
 static void run_along(const following *f, lg_plan *const *plan, double *x, void *work, sums *sum,
                       double *saturated) {
     const double begin = f->table.value[0], end = f->table.value[(f->table.rows - 1) * f->table.width];
-    const double periods = floor((end - begin) / f->task->period), most = 1e9;
-    if (!(periods < most))
+    const double periods = floor((end - begin) / f->task->period);
+    if (!(periods < 1e9))
         app_stop(f->self, LG_FORMAT,
-                 "%s: from the first to the last time are %g periods of %g s, expected at most %g",
-                 f->table.path, periods, f->task->period, most);
+                 "%s: from the first to the last time are %g periods of %g s, expected at most 1e+09",
+                 f->table.path, periods, f->task->period);
     const size_t steps = (size_t)periods + 1, nq = f->positions;
     double seen[2 * LG_POLICY_COORDINATES] = {0}, reference[2 * LG_POLICY_COORDINATES], u[LG_POLICY_INPUTS];
     double *next = x + lg_plan_input_count(plan[PERIOD], 0);

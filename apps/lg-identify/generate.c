@@ -15,8 +15,6 @@ typedef struct generate_values {
     uint64_t runs;
 } generate_values;
 
-static const double MOST_ROWS = 1e9;
-
 static const lg_field options[] = {
     APP_OUT(generate_values, "LOG.csv", "Write the log", .required = true, .file = LG_FILE_TEXT),
     LG_OPTION(
@@ -364,9 +362,8 @@ static void begin(const app *self, making *m) {
     m->t_end = values.t_end > 0 ? values.t_end : 10;
     if (find_form() == LG_COUNT(forms)) read_inputs(self, m);
     const double times = floor(m->t_end / values.dt + 1 + 1e-9);
-    if (!(times <= MOST_ROWS))
-        app_stop_usage(self, "%g s in steps of --dt %g are more than %g rows", m->t_end, values.dt,
-                       MOST_ROWS);
+    if (!(times <= 1e9))
+        app_stop_usage(self, "%g s in steps of --dt %g are more than 1e+09 rows", m->t_end, values.dt);
     m->rows = (size_t)times;
     m->runs = (size_t)values.runs;
     for (uint32_t i = 0; i < machine->input_count; i++)

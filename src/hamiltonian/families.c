@@ -25,20 +25,15 @@ const lg_hamiltonian_family *lg_hamiltonian_family_find(const char *name) {
 static bool learns(const lg_hamiltonian_family *family, const lg_system *system, size_t *n) {
     const lg_space *space = lg_system_space(system);
     const bool flat = lg_space_is_abelian(space);
-    const size_t links = lg_system_links(system);
-    /* T*SO(3) as SE(3) has the same numbers, R and pi. */
-    const lg_space_factor body[] = {{LG_SPACE_SO3, 1}, {LG_SPACE_RN, 3}};
-    const bool group = space->factors == 1 && space->factor[0].kind == LG_SPACE_SE3;
-    const lg_space_factor *factor = group ? body : space->factor;
-    lg_space own;
-    *n = flat ? space->dim / 2 : links > 0 ? links : 1;
+    *n = flat ? space->dim / 2 : lg_system_links(system) > 0 ? lg_system_links(system) : 1;
     if (flat) return family->drift != NULL && lg_system_separable(system);
-    if (lg_hamiltonian_space(family, (uint32_t)*n, &own) != LG_OK ||
-        own.factors != (group ? LG_COUNT(body) : space->factors))
-        return false;
-    for (size_t i = 0; i < own.factors; i++)
-        if (own.factor[i].kind != factor[i].kind || own.factor[i].count != factor[i].count) return false;
-    return true;
+    if (space->factor[0].kind == LG_SPACE_SE3) /* T*SO(3): R and pi */
+        return space->factors == 1 && family == &lg_hamiltonian_rotation;
+    const lg_space own = lg_hamiltonian_space_of(family, (uint32_t)*n);
+    bool same = own.factors == space->factors;
+    for (size_t i = 0; i < own.factors && same; i++)
+        same = own.factor[i].kind == space->factor[i].kind && own.factor[i].count == space->factor[i].count;
+    return same;
 }
 
 const lg_hamiltonian_family *lg_hamiltonian_family_for(const lg_system *system, size_t *n) {
