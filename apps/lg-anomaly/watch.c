@@ -97,7 +97,7 @@ static uint32_t most_silent(const watching *self) {
 static void blame_silence(watching *self, lg_verdict *v) {
     silence *s = &self->silence;
     const bool silent =
-        !v->judged && isfinite(self->bench.farthest) && 2 * s->without[most_silent(self)] > s->samples;
+        !v->scored && isfinite(self->bench.farthest) && 2 * s->without[most_silent(self)] > s->samples;
     const uint32_t votes = cast_vote(&s->windows, voters(), silent);
     if (silent) v->answer = LG_ANSWER_NOVEL;
     if (votes > v->novel_votes) v->novel_votes = votes;
@@ -120,16 +120,16 @@ static const char *reason_of(const watching *self, const lg_verdict *v, char tex
     const bench *b = &self->bench;
     const bool alone = b->model->sort == WELL_NOVELTY && v->answer == LG_ANSWER_POSITIVE;
     text[0] = '\0';
-    if (!v->judged && v->answer == LG_ANSWER_NOVEL)
+    if (!v->scored && v->answer == LG_ANSWER_NOVEL)
         tell_silence(self, text);
-    else if (v->judged && (v->answer == LG_ANSWER_NOVEL || alone))
+    else if (v->scored && (v->answer == LG_ANSWER_NOVEL || alone))
         (void)lg_novelty_explain(b->usual, &b->novelty, b->names->channel_name, b->names->rate, text, REASON);
     return text;
 }
 
 static const char *class_name(const watching *self, const lg_verdict *v) {
     if (v->answer == LG_ANSWER_NOVEL) return "unlike";
-    return v->judged ? self->bench.names->class_name[self->bench.given] : NULL;
+    return v->scored ? self->bench.names->class_name[self->bench.given] : NULL;
 }
 
 /* ---- the level of noise ---- */
@@ -183,12 +183,12 @@ static void print_json_verdict(const watching *self, const lg_verdict *v) {
     const bool unlike = v->answer == LG_ANSWER_NOVEL, measured = self->bench.novelty_work != NULL;
     print_object(
         self, LG_RESULTS(LG_AS_REAL("time", self->now), LG_AS_WHOLE("window", v->window),
-                         LG_AS_WHOLE("first_sample", v->first_sample), LG_AS_FLAG("judged", v->judged),
+                         LG_AS_WHOLE("first_sample", v->first_sample), LG_AS_FLAG("judged", v->scored),
                          LG_AS_TEXT("class", class_name(self, v)),
-                         LG_AS_REAL("score", v->judged ? v->score : NAN), LG_AS_WHOLE("missing", v->missing),
+                         LG_AS_REAL("score", v->scored ? v->score : NAN), LG_AS_WHOLE("missing", v->missing),
                          LG_AS_WHOLE("positive_votes", v->positive_votes), LG_AS_WHOLE("votes", v->votes),
                          LG_AS_FLAG("alarm", v->alarm), LG_AS_FLAG("unlike", unlike),
-                         LG_AS_REAL("distance", v->judged && measured ? self->bench.novelty.distance : NAN),
+                         LG_AS_REAL("distance", v->scored && measured ? self->bench.novelty.distance : NAN),
                          LG_AS_TEXT("reason", reason[0] != '\0' ? reason : NULL),
                          LG_AS_WHOLE("unlike_votes", v->novel_votes), LG_AS_FLAG("unlike_alarm", v->novel)));
 }
@@ -204,7 +204,7 @@ static void print_verdict(const watching *self, const lg_verdict *v) {
     lg_format_shortest(time, self->now, false);
     if (values.log == NULL && self->tally.windows == 1) (void)fputs(text_begin, out);
     app_put(out, "%s\t%s", time, class != NULL ? class : "-");
-    if (v->judged)
+    if (v->scored)
         app_put(out, "\t%.6g", v->score);
     else
         app_put(out, "\t-");
@@ -218,15 +218,15 @@ static void print_verdict(const watching *self, const lg_verdict *v) {
 static void count_verdict(watching *self, const lg_verdict *v) {
     tally *t = &self->tally;
     const bool before = !(self->now > values.crack_at), rises = v->alarm && !self->alarm;
-    const bool positive = v->judged && v->answer == LG_ANSWER_POSITIVE;
+    const bool positive = v->scored && v->answer == LG_ANSWER_POSITIVE;
     t->unlike += v->answer == LG_ANSWER_NOVEL;
     t->unlike_alarms += v->novel && !self->unlike;
     if (v->novel && isnan(t->first_unlike)) t->first_unlike = self->now;
     t->windows++;
-    t->judged += v->judged;
+    t->judged += v->scored;
     t->positive += positive;
     t->alarms += rises;
-    t->judged_before += before && v->judged;
+    t->judged_before += before && v->scored;
     t->positive_before += before && positive;
     t->alarms_before += before && rises;
     if (rises && isnan(t->first_alarm)) t->first_alarm = self->now;
@@ -274,10 +274,10 @@ void watch_push(watching *self, const float *sample) {
     if (!ready) return;
     blame_silence(self, &v);
     count_verdict(self, &v);
-    if (v.judged) listen(self, v.missing);
+    if (v.scored) listen(self, v.missing);
     /* After the first windows of a gap the others are counted and not printed. */
     const bool left_out =
-        self->in_gap && !v.judged && !changes(self, &v) && ++self->gap_windows > TOLD_NOT_JUDGED;
+        self->in_gap && !v.scored && !changes(self, &v) && ++self->gap_windows > TOLD_NOT_JUDGED;
     if (left_out && self->gap_windows == TOLD_NOT_JUDGED + 1) self->gap_first = self->now;
     if (!left_out && (!values.quiet || changes(self, &v))) {
         watch_log_turn(&self->log);

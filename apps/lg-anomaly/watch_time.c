@@ -283,8 +283,8 @@ static bool check_rate(watching *self) {
     return true;
 }
 
-/* Finds out what is in the column of times, which increase if at least half of the first ones do and at most
- * a quarter goes back. False: it is no time, or of another rate. */
+/* Checks the column of times. It holds times if at least half of the first values increase and at most a
+ * quarter decrease. Returns false if it holds no times, or times of another rate. */
 static bool check_times(watching *self) {
     sample_reader *reader = self->reader;
     timing *t = &self->timing;

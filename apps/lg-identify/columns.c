@@ -154,8 +154,8 @@ void identify_put_errors(app_json *out, const lg_machine_file *file, const doubl
 
 /* ---- range of the training data ---- */
 
-/* One of the numbers of a range (positions, then velocities, then inputs). angle: it is an angle. used: the
- * model depends on it. beyond: how far the value `at` is outside the range. */
+/* The range of one position, velocity or input. angle: it is an angle. used: the model depends on it. beyond:
+ * the distance of the value `at` from the range. */
 typedef struct number {
     char name[LG_LOG_NAME + 32];
     bool angle, used;

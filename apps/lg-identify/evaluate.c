@@ -228,8 +228,8 @@ static lg_status run_linear(const void *user, const lg_machine_log *log, const s
 
 /* ---- judging ---- */
 
-/* Warns if at the shortest horizon that was judged the model predicts no better than a simple guess: it has
- * not learned the machine then. */
+/* Warns if the model predicts the shortest horizon no better than a simple guess: then it has not learned the
+ * machine. */
 static void warn_of_horizons(const app *self, const verdict *v) {
     const lg_horizon *h = NULL;
     for (const lg_horizon *at = v->horizons; at < v->horizons + v->horizon_count; at++)

@@ -272,7 +272,7 @@ LG_API lg_status lg_novelty_load(const lg_context *context, const lg_archive_rea
 
 /* ---- monitoring of a feed (library liegrad_classify) ----
  *
- * A monitor receives the samples of a feed one by one, cuts them into windows, passes each window to a judge
+ * A monitor receives the samples of a feed one by one, cuts them into windows, passes each window to a scorer
  * (a callback around any classifier), and raises an alarm when enough of the last windows are positive. It
  * lives in memory of fixed size that the caller provides. */
 
@@ -285,8 +285,8 @@ typedef struct lg_monitor_options {
      * stands for `window`. */
     uint32_t hop;
     uint32_t bridge; /* default 5: gaps of at most so many samples are filled by straight lines */
-    double missing;  /* default 0.1: a window is judged if at most this part of it was lost, bridged or not */
-    /* k, default 3: there is an alarm if at least k of the last n judged windows are positive. */
+    double missing;  /* default 0.1: a window is scored if at most this part of it was lost, bridged or not */
+    /* k, default 3: there is an alarm if at least k of the last n scored windows are positive. */
     uint32_t votes;
     uint32_t votes_of; /* n, default 5, 1..64 */
 } lg_monitor_options;
@@ -297,38 +297,38 @@ typedef enum lg_answer {
     LG_ANSWER_POSITIVE, /* what the monitor looks for */
     LG_ANSWER_NOVEL     /* the window is unlike the training data (lg_novelty), so there is no answer */
 } lg_answer;
-/* Judges a window x (channels, window) and sets *answer and *score (higher means more positive). `missing`
+/* Scores a window x (channels, window): sets *answer and *score (higher means more positive). `missing`
  * samples of x were lost and are filled in. x is in the memory of the monitor, aligned to 64 bytes, and valid
- * until the judge returns. */
-typedef lg_status (*lg_monitor_judge)(void *user, const float *x, uint32_t missing, lg_answer *answer,
+ * until the scorer returns. */
+typedef lg_status (*lg_monitor_scorer)(void *user, const float *x, uint32_t missing, lg_answer *answer,
                                       double *score);
 
 /* The result for one window. */
 typedef struct lg_verdict {
     uint64_t window;       /* number of the window: 0, 1, ... */
     uint64_t first_sample; /* number of its first sample in the feed */
-    bool judged;           /* false: too many samples were lost, and `answer` and `score` have no meaning */
+    bool scored;           /* false: too many samples were lost; `answer` and `score` are not set */
     lg_answer answer;
     double score;
     uint32_t missing; /* number of samples of the window that were not received or not finite */
-    /* Number of positive windows among the last windows that were judged and not novel; number of these
+    /* Number of positive windows among the last windows that were scored and not novel; number of these
      * windows, at most n. */
     uint32_t positive_votes, votes;
-    uint32_t novel_votes; /* number of novel windows among the last n judged windows */
-    bool alarm;           /* positive_votes >= k; does not change while windows are not judged or are novel */
-    bool novel;           /* novel_votes >= k; does not change while windows are not judged */
+    uint32_t novel_votes; /* number of novel windows among the last n scored windows */
+    bool alarm;           /* positive_votes >= k; does not change while windows are not scored or are novel */
+    bool novel;           /* novel_votes >= k; does not change while windows are not scored */
 } lg_verdict;
 
 typedef struct lg_monitor lg_monitor;
 /* Bytes of memory for a monitor (two windows of floats and a little more); the memory must be aligned to 64
- * bytes. 0 for options that lg_monitor_init refuses. */
+ * bytes. 0 for options that lg_monitor_init rejects. */
 LG_API size_t lg_monitor_size(const lg_monitor_options *options);
 /* Makes a monitor in `memory` (`size` bytes), which must live as long as the monitor is used. The monitor
- * owns nothing else, so there is no function that destroys it. `user` is passed to the judge. Errors:
+ * owns nothing else, so there is no function that destroys it. `user` is passed to the scorer. Errors:
  * LG_INVALID_ARGUMENT with a sentence (channels or window is 0, hop > window, missing outside [0, 1], votes
  * outside 1..votes_of, votes_of outside 1..64, memory that is not aligned or has less than lg_monitor_size
  * bytes). */
-LG_API lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge judge, void *user,
+LG_API lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_scorer scorer, void *user,
                                  lg_monitor **out, void *memory, size_t size, lg_error *error);
 /* Takes one sample (channels), or NULL for a sample that was lost. A sample with a value that is not finite
  * counts as lost. *ready becomes true if the sample completes a window; then *verdict is set. Window i has
@@ -336,8 +336,8 @@ LG_API lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_j
  *   - A gap of at most `bridge` samples is filled by straight lines as soon as the next sample is received.
  *   - A longer gap, and a gap that is still open when a window is complete, gets the last value received.
  *   - Samples lost at the beginning of the feed get the value of the first sample received.
- * Before the first sample is received no window is judged, whatever `missing` allows. Only the judge may
- * allocate memory or lock. The function returns the status of the judge. If it is not LG_OK, *ready and
+ * Before the first sample is received no window is scored, whatever `missing` allows. Only the scorer may
+ * allocate memory or lock. The function returns the status of the scorer. If it is not LG_OK, *ready and
  * *verdict do not change, and the window has no vote; the next sample may be pushed. */
 LG_API lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready, lg_verdict *verdict);
 

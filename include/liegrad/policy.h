@@ -162,7 +162,8 @@ typedef struct lg_policy_task {
     double delay;
     uint32_t draws;
     double spread;     /* of these machines: standard deviation of each learned number, over its size */
-    uint32_t substeps; /* of the integrator in a period, at most LG_POLICY_SUBSTEPS; 0: error below 1e-4 */
+    /* Integrator steps in a period, 1 to LG_POLICY_SUBSTEPS; 0: as many as keep its error below 1e-4. */
+    uint32_t substeps;
 } lg_policy_task;
 LG_API void lg_policy_task_init(lg_policy_task *task);
 

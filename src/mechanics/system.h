@@ -151,7 +151,7 @@ const lg_system_row *lg_derived_row(size_t index); /* NULL beyond the last */
 lg_status lg_recorded_field(void *user, double t, const double *y, const double *input, double *out);
 lg_status lg_recorded_velocity(void *user, double t, const double *p, const double *input, double *out);
 lg_status lg_recorded_force(void *user, double t, const double *q, const double *input, double *out);
-/* lg_system_row.invariant of rows with taped_energy; `index` is not read. */
+/* The energy: lg_system_row.invariant of rows that have taped_energy. It does not use `index`. */
 double lg_recorded_energy(const lg_system *system, size_t index, const double *y, double *work);
 /* The program with the functions field (y, parameters, t) and energy, where the row has it; of a separable
  * system velocity (p, parameters, t) and force (q, parameters, t). */

@@ -73,7 +73,7 @@ TEST("a window is judged after every hop") {
             if (!due) continue;
             assert_int_equal(v.window, windows++);
             assert_int_equal(v.first_sample, i + 1 - WINDOW);
-            assert_true(v.judged && v.answer == LG_ANSWER_NEGATIVE && v.missing == 0 && !v.alarm);
+            assert_true(v.scored && v.answer == LG_ANSWER_NEGATIVE && v.missing == 0 && !v.alarm);
             assert_close(v.score, 0.25, 0, 0);
             for (uint32_t c = 0; c < CHANNELS; c++)
                 for (uint32_t k = 0; k < WINDOW; k++)
@@ -100,7 +100,7 @@ TEST("short gaps are bridged by a line") {
     for (uint64_t gap = 1; gap <= 5; gap++) {
         witness w = {.seen = 0};
         const lg_verdict v = run_gap(&options, &w, 3, 3 + gap, WINDOW);
-        assert_true(v.judged);
+        assert_true(v.scored);
         assert_int_equal(v.missing, gap);
         assert_int_equal(w.missing, gap);
         for (uint32_t k = 0; k < WINDOW; k++) {
@@ -130,7 +130,7 @@ TEST("in long gaps the last value is held") {
     options.missing = 0.6;
     witness w = {.seen = 0};
     const lg_verdict v = run_gap(&options, &w, 2, 8, WINDOW);
-    assert_true(v.judged);
+    assert_true(v.scored);
     for (uint32_t k = 0; k < WINDOW; k++) assert_close(w.x[k], value_at(k >= 2 && k < 8 ? 1 : k, 0), 1e-6, 0);
     options.bridge = 6;
     (void)run_gap(&options, &w, 2, 8, WINDOW);
@@ -157,11 +157,11 @@ TEST("lost samples at the start of a feed take the first value, and at its end t
     lg_monitor *watch = start(&options, &w);
     lg_verdict v;
     for (uint64_t i = 0; i < 10; i++) (void)push(watch, i, true, &v);
-    assert_false(v.judged); /* nothing was received */
+    assert_false(v.scored); /* nothing was received */
     assert_int_equal(w.seen, 0);
     assert_int_equal(v.missing, 10);
     for (uint64_t i = 10; i < 20; i++) (void)push(watch, i, i < 17, &v);
-    assert_true(v.judged);
+    assert_true(v.scored);
     for (uint32_t k = 0; k < WINDOW; k++) assert_close(w.x[k], value_at(k < 7 ? 17 : 10 + k, 0), 0, 0);
     /* now a window that ends with lost samples */
     for (uint64_t i = 20; i < 30; i++) (void)push(watch, i, i >= 22, &v);
@@ -171,10 +171,10 @@ TEST("lost samples at the start of a feed take the first value, and at its end t
 TEST("a window with too many missing samples is not judged") {
     const lg_monitor_options options = options_of(CHANNELS, 300, 0); /* allowed: a tenth, 30 samples */
     witness w = {.seen = 0, .script = "ppppp"};
-    assert_true(run_gap(&options, &w, 100, 130, 300).judged);
+    assert_true(run_gap(&options, &w, 100, 130, 300).scored);
     w.seen = 0;
     const lg_verdict v = run_gap(&options, &w, 100, 131, 300);
-    assert_false(v.judged);
+    assert_false(v.scored);
     assert_int_equal(v.missing, 31);
     assert_int_equal(w.seen, 0);
 }
@@ -187,15 +187,15 @@ TEST("windows that are not judged do not change the alarm") {
     lg_monitor *watch = start(&options, &w);
     lg_verdict v;
     for (uint64_t i = 0; i < 20; i++) (void)push(watch, i, false, &v);
-    assert_true(v.alarm && v.judged && v.window == 1);
+    assert_true(v.alarm && v.scored && v.window == 1);
     for (uint64_t i = 20; i < 60; i++) {
         if (!push(watch, i, true, &v)) continue;
-        assert_true(!v.judged && v.alarm);
+        assert_true(!v.scored && v.alarm);
         assert_int_equal(v.missing, WINDOW);
         assert_int_equal(v.votes, 2);
     }
     for (uint64_t i = 60; i < 70; i++) (void)push(watch, i, false, &v);
-    assert_true(v.judged && v.alarm && v.votes == 3);
+    assert_true(v.scored && v.alarm && v.votes == 3);
     for (uint64_t i = 70; i < 80; i++) (void)push(watch, i, false, &v);
     assert_false(v.alarm);
     assert_int_equal(v.window, 7);
@@ -276,7 +276,7 @@ TEST("values that are not finite count as lost samples") {
         if (i == 6) sample[0] = -INFINITY;
         assert_ok(lg_monitor_push(watch, sample, &ready, &v));
     }
-    assert_true(ready && !v.judged);
+    assert_true(ready && !v.scored);
     assert_int_equal(v.missing, 2);
     lg_monitor_options lenient = options;
     lenient.missing = 0.2;
@@ -287,7 +287,7 @@ TEST("values that are not finite count as lost samples") {
         if (i == 6) sample[0] = -INFINITY;
         assert_ok(lg_monitor_push(watch, sample, &ready, &v));
     }
-    assert_true(v.judged);
+    assert_true(v.scored);
     for (uint32_t k = 0; k < WINDOW; k++) assert_close(w.x[k], value_at(k, 0), 1e-6, 0);
 }
 
@@ -372,7 +372,7 @@ TEST("novel windows have separate votes and do not change the alarm") {
     for (uint64_t i = 0; i < 9 * WINDOW; i++) {
         lg_verdict v;
         if (!push(watch, i, false, &v)) continue;
-        assert_true(v.judged);
+        assert_true(v.scored);
         assert_int_equal(v.alarm, alarm[v.window]);
         assert_int_equal(v.novel, novel[v.window]);
         assert_int_equal(v.positive_votes, votes[v.window]);

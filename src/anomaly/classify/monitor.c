@@ -1,4 +1,4 @@
-/* Cuts a feed of samples into windows, passes each window to a judge, and counts the votes of the last
+/* Cuts a feed of samples into windows, passes each window to a scorer, and counts the votes of the last
  * windows. */
 #include <math.h>
 #include <string.h>
@@ -10,9 +10,9 @@
  * caller's memory. */
 struct lg_monitor {
     uint32_t channels, window, hop, bridge;
-    uint32_t most_missing; /* largest number of missing samples in a window that is judged */
+    uint32_t most_missing; /* largest number of missing samples in a window that is scored */
     uint32_t votes, votes_of;
-    lg_monitor_judge judge;
+    lg_monitor_scorer scorer;
     void *user;
     uint64_t samples; /* number of samples pushed so far */
     uint64_t windows; /* number of complete windows so far */
@@ -21,14 +21,14 @@ struct lg_monitor {
     uint32_t slot;    /* slot of the next sample */
     uint32_t until;   /* number of samples until the next window is complete */
     uint32_t missing; /* number of lost samples among the last `window` samples */
-    /* Votes of the last judged windows that were not novel, one bit each; bit 0 is the latest. */
+    /* Votes of the last scored windows that were not novel, one bit each; bit 0 is the latest. */
     uint64_t ballots;
-    /* Whether the last judged windows were novel, one bit each; bit 0 is the latest. */
+    /* Whether the last scored windows were novel, one bit each; bit 0 is the latest. */
     uint64_t novels;
     uint32_t cast; /* number of valid bits in `ballots` */
     bool alarm, novel;
     float *ring;   /* (window, channels) */
-    float *x;      /* (channels, window): the window for the judge */
+    float *x;      /* (channels, window): the window for the scorer */
     float *last;   /* (channels): last received sample; zeros before the first one */
     uint8_t *lost; /* (window): whether the sample in the slot was lost */
 };
@@ -89,10 +89,10 @@ size_t lg_monitor_size(const lg_monitor_options *options) {
     return from.used;
 }
 
-lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge judge, void *user,
+lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_scorer scorer, void *user,
                           lg_monitor **out, void *memory, size_t size, lg_error *error) {
     LG_TRY(check(options, error));
-    LG_NEEDS(error, judge, out);
+    LG_NEEDS(error, scorer, out);
     const size_t needed = lg_monitor_size(options);
     LG_TRY(lg_portions_check(memory, size, needed, error));
     memset(memory, 0, needed);
@@ -106,7 +106,7 @@ lg_status lg_monitor_init(const lg_monitor_options *options, lg_monitor_judge ju
     monitor->most_missing = (uint32_t)floor(options->missing * options->window * (1.0 + 1e-12));
     monitor->votes = options->votes;
     monitor->votes_of = options->votes_of;
-    monitor->judge = judge;
+    monitor->scorer = scorer;
     monitor->user = user;
     monitor->until = options->window;
     *out = monitor;
@@ -191,11 +191,11 @@ lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready,
     monitor->until = monitor->hop;
     lg_verdict v = {.window = monitor->windows++,
                     .first_sample = monitor->samples - monitor->window,
-                    .judged = monitor->received && monitor->missing <= monitor->most_missing,
+                    .scored = monitor->received && monitor->missing <= monitor->most_missing,
                     .missing = monitor->missing};
-    if (v.judged) {
+    if (v.scored) {
         copy_window(monitor);
-        LG_TRY(monitor->judge(monitor->user, monitor->x, monitor->missing, &v.answer, &v.score));
+        LG_TRY(monitor->scorer(monitor->user, monitor->x, monitor->missing, &v.answer, &v.score));
         vote(monitor, v.answer);
     }
     v.positive_votes = (uint32_t)__builtin_popcountll(monitor->ballots);

@@ -265,7 +265,7 @@ static bool is_shown(const lg_machine *machine, const lg_identified *lag) {
     return lag->value >= machine->scales.lag[0] / least_rows;
 }
 
-/* Warns of lags at an end of their range. */
+/* Warns if the fitted lag is near an end of the range in which it is searched. */
 static void warn_of_lags(const lg_training *self, const lg_machine_verdict *what) {
     static const double near_high = 0.95;
     const lg_machine *machine = &((const lg_machine_model_run *)self->run)->machine;
