@@ -301,7 +301,7 @@ typedef enum lg_answer {
  * samples of x were lost and are filled in. x is in the memory of the monitor, aligned to 64 bytes, and valid
  * until the scorer returns. */
 typedef lg_status (*lg_monitor_scorer)(void *user, const float *x, uint32_t missing, lg_answer *answer,
-                                      double *score);
+                                       double *score);
 
 /* The result for one window. */
 typedef struct lg_verdict {

@@ -161,7 +161,7 @@ typedef struct lg_policy_task {
      * other machines (lg_policy_add_draw). A task with a disturbance is disturbed; see lg_policy_test. */
     double delay;
     uint32_t draws;
-    double spread;     /* of these machines: standard deviation of each learned number, over its size */
+    double spread; /* of these machines: standard deviation of each learned number, over its size */
     /* Integrator steps in a period, 1 to LG_POLICY_SUBSTEPS; 0: as many as keep its error below 1e-4. */
     uint32_t substeps;
 } lg_policy_task;

@@ -45,7 +45,7 @@ void watch_push(watching *self, const float *sample) {
     if (!lost) self->tally.received++;
     if (lg_monitor_push(self->watch, sample, &ready, &v) != LG_OK || !ready) return;
     if (v.first_sample + WINDOW != self->tally.samples || v.positive_votes > v.votes || v.votes > 5) abort();
-    if (v.judged && self->tally.received == 0) abort();
+    if (v.scored && self->tally.received == 0) abort();
 }
 void watch_end_gap(watching *self) {
     self->gap_windows = 0;
