@@ -178,7 +178,7 @@ void app_screen_raw(const char *text);
 bool app_is_harmless(uint32_t code);
 /* printf into new memory, for text that holds names: newlines and tabs of the arguments are shown as \x0a and
  * \x09, so that no name can forge a line or a cell. Everything that people read is made by it, or by a table.
- * The functions ..._words take its result and free it; their macros take its arguments. */
+ * Each function X_words takes such a text and frees it; the macro X takes a format and its arguments. */
 char *app_words(const char *format, ...) __attribute__((format(printf, 1, 2)));
 void app_put_words(FILE *to, char *words);
 #define app_put(to, ...) app_put_words(to, app_words(__VA_ARGS__))
@@ -317,10 +317,6 @@ void app_json_put(app_json *json, lg_result value);
 #define app_json_size(json, key, value)          app_json_put(json, LG_AS_WHOLE(key, value))
 #define app_json_text(json, key, value)          app_json_put(json, LG_AS_TEXT(key, value))
 #define app_json_reals(json, key, values, count) app_json_put(json, LG_AS_REALS(key, values, count))
-#define APP_REAL                                 LG_REAL
-#define APP_WHOLE                                LG_WHOLE
-#define APP_TEXT                                 LG_TEXT
-#define APP_REALS                                LG_REALS
 /* Puts entries, each made by these or by LG_AS_REAL and the like; of APP_OBJECT they are the members of an
  * object. */
 #define APP_PUT(json, ...)         app_json_list(json, LG_RESULTS(__VA_ARGS__))
@@ -333,9 +329,7 @@ void app_json_field(app_json *json, const lg_field *row, const void *values);
 /* '{' or '['; key is NULL inside an array */
 void app_json_open(app_json *json, const char *key, char bracket);
 void app_json_close(app_json *json, char bracket); /* '}' or ']' */
-#define app_result_real(json, key, value, label) app_json_put(json, APP_REAL(key, value, label))
-#define app_result_size(json, key, value, label) app_json_put(json, APP_WHOLE(key, value, label))
-#define app_result_text(json, key, value, label) app_json_put(json, APP_TEXT(key, value, label))
+#define app_result_real(json, key, value, label) app_json_put(json, LG_REAL(key, value, label))
 /* As app_result_real; people see the number only if it is finite. */
 void app_result_known(app_json *json, const char *key, double value, const char *label);
 /* A line that is printed for people only. */

@@ -109,8 +109,8 @@ enum { NUMBER = 32 };
 
 /* The text of option i; `value` is that of a range, the index of a choice. */
 static const char *value_text(const searching *search, size_t i, double value, char number[NUMBER]) {
-    const lg_range *range = &search->file->space.ranges[i - search->file->fixed_count];
     if (i < search->file->fixed_count) return search->file->fixed_value[i];
+    const lg_range *range = &search->file->space.ranges[i - search->file->fixed_count];
     if (range->kind == LG_RANGE_CHOICE) return range->choice[(size_t)value];
     (void)snprintf(number, NUMBER, "%.17g", value);
     return number;
@@ -135,10 +135,10 @@ static lg_status check_range(searching *search, app *v, size_t i, lg_error *erro
 /* Sets the fixed options and the drawn values; `drawn` NULL: only checks the ranges. */
 static lg_status set_all(searching *search, app *v, const double *drawn, lg_error *error) {
     const size_t fixed = search->file->fixed_count;
-    for (size_t i = 0; i < entries(search); i++)
-        LG_TRY(i >= fixed && drawn == NULL
-                   ? check_range(search, v, i, error)
-                   : set_entry(search, v, i, i < fixed ? 0 : drawn[i - fixed], error));
+    for (size_t i = 0; i < fixed; i++) LG_TRY(set_entry(search, v, i, 0, error));
+    for (size_t i = fixed; i < entries(search); i++)
+        LG_TRY(drawn == NULL ? check_range(search, v, i, error)
+                             : set_entry(search, v, i, drawn[i - fixed], error));
     return LG_OK;
 }
 

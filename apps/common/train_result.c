@@ -84,7 +84,7 @@ static void json_training(const train_session *session, app_json *json) {
     const lg_fit_cost cost = lg_fit_cost_of(fit);
     const uint64_t done = lg_fit_epochs_done(fit);
     (void)lg_cpu_describe(cpu, sizeof cpu);
-    APP_PUT(json, APP_WHOLE("epochs", done, NULL), LG_AS_WHOLE("evaluations", done),
+    APP_PUT(json, LG_WHOLE("epochs", done, NULL), LG_AS_WHOLE("evaluations", done),
             LG_AS_TEXT("gradients", lg_fit_by_plans(fit) ? "plans" : "tape"));
     app_result_known(json, "floor", training->floor, "part of the error that the integrator's steps make");
     APP_PUT(json, LG_AS_REAL("running_loss", lg_fit_loss(fit)),
@@ -92,13 +92,13 @@ static void json_training(const train_session *session, app_json *json) {
             LG_AS_WHOLE("best_epoch", lg_fit_best_epoch(fit)), LG_AS_FLAG("finished", lg_fit_finished(fit)),
             LG_AS_TEXT("stopped", lg_fit_finished(fit) ? lg_fit_end_sentence(fit) : NULL),
             LG_AS_REAL("seconds_per_epoch", lg_fit_seconds_per_epoch(fit)),
-            APP_REAL("seconds", training->seconds, NULL), LG_AS_WHOLE("threads", self->threads),
+            LG_REAL("seconds", training->seconds, NULL), LG_AS_WHOLE("threads", self->threads),
             LG_AS_WHOLE("ranks", self->rank_count), LG_AS_REAL("training_seconds", cost.seconds),
             LG_AS_REAL("shard_seconds", cost.shard_seconds),
             LG_AS_REAL("exchange_seconds", cost.exchange_seconds), LG_AS_WHOLE("exchanges", cost.exchanges),
             LG_AS_WHOLE("exchanged_bytes", cost.bytes), LG_AS_WHOLE("steps", lg_fit_steps_done(fit)),
             LG_AS_WHOLE("tape_bytes", lg_fit_tape_size(fit)), LG_AS_TEXT("cpu", cpu),
-            APP_TEXT("out", train_given_files.out, NULL));
+            LG_TEXT("out", train_given_files.out, NULL));
     /* The hyperparameters without `epochs`, which says above how many are done, and without a row if another
      * row of the table is found under its name. */
     const app_settings *settings = session->task->settings;

@@ -91,8 +91,8 @@ bool trials_continues(const trials_work *self);
  * of other work are not mixed in. Then the caller sets `known` for items whose results it has from elsewhere.
  * LG_FORMAT: a part belongs to other work. */
 lg_status trials_open(trials_work *self, const char *label, lg_error *error);
-/* The same with the hash of what the results depend on: this text and the contents of the file at `path`
- * (NULL: no file). A failure ends the command. */
+/* trials_open; the label is the hash of what the results depend on: this text and the contents of the file at
+ * `path` (NULL: no file). A failure ends the command. */
 void trials_begin(trials_work *self, const char *text, const char *path);
 /* Does the items. True: the caller writes OUT with the items that are known, and then calls trials_end.
  * False: another process writes OUT, or this was a task, which has printed how much is done. A failure or

@@ -182,28 +182,28 @@ static void add_votes(app_json *out, const evaluation *e) {
     const char *unit = e->names->rate > 0 ? "s" : "samples";
     if (values.votes.count == 0) return;
     APP_OBJECT(out, "votes", LG_AS_WHOLE("k", values.votes.values[0]),
-               LG_AS_WHOLE("n", values.votes.values[1]), APP_WHOLE("damaged_runs", votes->damaged, NULL),
-               APP_WHOLE("detected_runs", votes->detected, "by votes"),
+               LG_AS_WHOLE("n", values.votes.values[1]), LG_WHOLE("damaged_runs", votes->damaged, NULL),
+               LG_WHOLE("detected_runs", votes->detected, "by votes"),
                LG_AS_REAL("probability_of_detection", part_or_nan(votes->detected, votes->damaged)),
-               LG_AS_TEXT("unit", unit), APP_REAL("median_time_to_detection", votes->median, unit),
-               APP_REAL("largest_time_to_detection", votes->largest, unit),
+               LG_AS_TEXT("unit", unit), LG_REAL("median_time_to_detection", votes->median, unit),
+               LG_REAL("largest_time_to_detection", votes->largest, unit),
                LG_AS_REAL("intact_time", votes->intact_time),
-               APP_WHOLE("false_alarms", votes->false_alarms, "by votes"),
-               APP_REAL("false_alarms_per_day", votes->a_day, "by votes"));
+               LG_WHOLE("false_alarms", votes->false_alarms, "by votes"),
+               LG_REAL("false_alarms_per_day", votes->a_day, "by votes"));
 }
 
 static void add_evaluation(app_json *out, const evaluation *e) {
-    APP_PUT(out, APP_TEXT("data", e->path, NULL), APP_TEXT("part", e->part_name, NULL),
-            APP_WHOLE("windows", e->judged.count, NULL));
+    APP_PUT(out, LG_TEXT("data", e->path, NULL), LG_TEXT("part", e->part_name, NULL),
+            LG_WHOLE("windows", e->judged.count, NULL));
     put_metrics(out, &e->judged, e->model);
     APP_PUT(out, LG_AS_REAL("mse", e->judged.mse), LG_AS_REAL("test_seconds", e->judged.seconds),
             LG_AS_REAL("noise", e->from.data.noise), LG_AS_REAL("severity", e->from.data.severity),
             LG_AS_WHOLE("unlike", e->unlike));
     add_votes(out, e);
     add_groups(out, e);
-    APP_PUT(out, APP_TEXT("method", e->model->method, NULL),
+    APP_PUT(out, LG_TEXT("method", e->model->method, NULL),
             LG_AS_TEXTS("classes", e->names->class_name, e->names->classes),
-            APP_TEXT("healthy", e->run->healthy[0] != '\0' ? e->run->healthy : NULL, NULL),
+            LG_TEXT("healthy", e->run->healthy[0] != '\0' ? e->run->healthy : NULL, NULL),
             LG_AS_WHOLE("threads", e->app->threads));
 }
 

@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include "files/csv.h"
-#include "files/temporary.h"
 #include "lg-anomaly/anomaly.h"
 
 enum { HOUR = 3600 };
@@ -142,7 +141,7 @@ typedef struct sink {
     lg_temporary temporary; /* of a regular file */
 } sink;
 
-/* Returns LG_FILE with the message of errno, or LG_CANCELLED if a signal interrupted the write. */
+/* The status and message of errno, or LG_CANCELLED if a signal interrupted the write. */
 static lg_status file_failed(lg_error *error) {
     if (app_interrupted()) return LG_CANCELLED;
     return lg_fail(error, lg_status_of(errno), "%s: %s", values.out != NULL ? values.out : "standard output",
@@ -238,13 +237,13 @@ static void run(app *self) {
     if (status == LG_OK) status = write_hours(&feed, &to, &error);
     app_must(self, sink_close(&to, status, &error), &error);
     if (values.out == NULL) return;
-    APP_PUT(self->out, APP_REAL("hours", values.hours, NULL), APP_WHOLE("samples", feed.samples, NULL),
-            APP_WHOLE("lines", feed.lines, "samples that are there"), APP_WHOLE("gaps", feed.gaps, NULL),
-            APP_WHOLE("nan", feed.nans, "samples with a value nan"), LG_AS_WHOLE("bytes", feed.bytes),
+    APP_PUT(self->out, LG_REAL("hours", values.hours, NULL), LG_WHOLE("samples", feed.samples, NULL),
+            LG_WHOLE("lines", feed.lines, "samples that are there"), LG_WHOLE("gaps", feed.gaps, NULL),
+            LG_WHOLE("nan", feed.nans, "samples with a value nan"), LG_AS_WHOLE("bytes", feed.bytes),
             LG_AS_REAL("rate", (double)feed.rate), LG_AS_REAL("crack_at", values.crack_at),
             LG_AS_REAL("severity", values.well.severity), LG_AS_REAL("noise", values.well.noise),
-            LG_AS_WHOLE("seed", self->seed), APP_TEXT("out", values.out, NULL),
-            APP_REAL("seconds", app_seconds() - begin, NULL));
+            LG_AS_WHOLE("seed", self->seed), LG_TEXT("out", values.out, NULL),
+            LG_REAL("seconds", app_seconds() - begin, NULL));
 }
 
 const app_command anomaly_feed_command = {

@@ -208,17 +208,17 @@ static void run(app *self) {
     const lg_series *series = &data.series;
     size_t broken = 0;
     for (size_t i = 0; i < series->count; i++) broken += series->label[i] == 1;
-    APP_PUT(self->out, APP_WHOLE("runs", values.runs, NULL), APP_REAL("hours", values.hours, "of a run"),
-            APP_WHOLE("windows", series->count, NULL), APP_WHOLE("intact", series->count - broken, NULL),
-            APP_WHOLE("broken", broken, NULL), APP_WHOLE("channels", series->channels, NULL),
-            APP_WHOLE("length", series->length, "samples of a window"),
-            APP_REAL("rate", series->rate, "samples per second"), APP_REAL("noise", values.well.noise, NULL),
-            APP_TEXT("housing", data.housing, NULL),
-            APP_TEXT("operation", operation_names[values.well.operation], NULL),
-            APP_REAL("load_relief", values.well.load_relief, "N/m"),
-            APP_REAL("severity", values.well.severity, NULL), LG_AS_WHOLE("seed", self->seed),
+    APP_PUT(self->out, LG_WHOLE("runs", values.runs, NULL), LG_REAL("hours", values.hours, "of a run"),
+            LG_WHOLE("windows", series->count, NULL), LG_WHOLE("intact", series->count - broken, NULL),
+            LG_WHOLE("broken", broken, NULL), LG_WHOLE("channels", series->channels, NULL),
+            LG_WHOLE("length", series->length, "samples of a window"),
+            LG_REAL("rate", series->rate, "samples per second"), LG_REAL("noise", values.well.noise, NULL),
+            LG_TEXT("housing", data.housing, NULL),
+            LG_TEXT("operation", operation_names[values.well.operation], NULL),
+            LG_REAL("load_relief", values.well.load_relief, "N/m"),
+            LG_REAL("severity", values.well.severity, NULL), LG_AS_WHOLE("seed", self->seed),
             LG_AS_WHOLE("threads", self->threads), LG_AS_TEXT("sha256", data.sha256),
-            APP_TEXT("out", values.out, NULL), APP_REAL("seconds", seconds, NULL));
+            LG_TEXT("out", values.out, NULL), LG_REAL("seconds", seconds, NULL));
 }
 
 const app_command anomaly_generate_command = {

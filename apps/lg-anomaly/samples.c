@@ -152,11 +152,11 @@ static bool split_line(sample_reader *reader, char *p, bool *open) {
     reader->fields = 0;
     reader->words = *open = false;
     for (; *p != '\0'; column++) {
-        const bool named = reader->frame.columns > 0, of_time = column + 1 == reader->time,
-                   skipped = column < reader->frame.columns && !of_time &&
-                             !lg_frame_is_wanted(&reader->frame, column),
-                   /* without names the first cell may be a time */
-            timed = named ? of_time : column == 0 && reader->layout != LAYOUT_VALUES;
+        const bool named = reader->frame.columns > 0, of_time = column + 1 == reader->time;
+        const bool skipped =
+            column < reader->frame.columns && !of_time && !lg_frame_is_wanted(&reader->frame, column);
+        /* Without names the first cell may be a time. */
+        const bool timed = named ? of_time : column == 0 && reader->layout != LAYOUT_VALUES;
         if (*p == '#' && !skipped) break;
         *open = false;
         if (skipped) {

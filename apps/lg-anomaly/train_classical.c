@@ -279,7 +279,7 @@ void put_pruning(app_plot *plot, const void *view) {
 
 static void put_choice(app_json *out, const choice *chosen) {
     APP_PUT(out,
-            APP_REAL("cv_accuracy", chosen->accuracy[chosen->best], "best of the grid by cross-validation"),
+            LG_REAL("cv_accuracy", chosen->accuracy[chosen->best], "best of the grid by cross-validation"),
             LG_AS_REAL("grid_seconds", chosen->seconds));
     app_json_open(out, "grid", '[');
     for (size_t i = 0; i < chosen->count; i++) {
@@ -295,7 +295,7 @@ static void put_choice(app_json *out, const choice *chosen) {
 
 static void put_method(app_json *out, const lg_classifier *model, const lg_classifier_options *option) {
     if (model->method == LG_METHOD_TREE) {
-        APP_PUT(out, APP_WHOLE("depth", model->tree.depth, NULL), APP_WHOLE("nodes", model->tree.count, NULL),
+        APP_PUT(out, LG_WHOLE("depth", model->tree.depth, NULL), LG_WHOLE("nodes", model->tree.count, NULL),
                 LG_AS_TEXT("criterion", lg_tree_criterion_name(option->tree.criterion)),
                 LG_AS_REAL("ccp_alpha", option->tree.ccp_alpha), TREE_SIZES(option));
     } else if (model->method == LG_METHOD_RIDGE) {
@@ -303,10 +303,10 @@ static void put_method(app_json *out, const lg_classifier *model, const lg_class
     } else {
         app_result_real(out, "c", option->c, NULL);
         if (model->method == LG_METHOD_LOGISTIC) {
-            app_result_size(out, "iterations", model->logistic.iterations, NULL);
+            app_json_put(out, LG_WHOLE("iterations", model->logistic.iterations, NULL));
             return;
         }
-        APP_PUT(out, APP_WHOLE("support_vectors", model->svm.vectors, NULL),
+        APP_PUT(out, LG_WHOLE("support_vectors", model->svm.vectors, NULL),
                 LG_AS_REAL("gamma", model->method == LG_METHOD_SVM_RBF ? model->svm.gamma : (double)NAN));
     }
 }
@@ -314,15 +314,15 @@ static void put_method(app_json *out, const lg_classifier *model, const lg_class
 static void put_classical(app_json *out, const classical *self) {
     const lg_classifier *model = &self->model.file.classifier;
     if (self->model.sort == WELL_NOVELTY) {
-        APP_PUT(out, APP_WHOLE("feature_count", self->model.file.novelty.features, NULL),
+        APP_PUT(out, LG_WHOLE("feature_count", self->model.file.novelty.features, NULL),
                 LG_AS_WHOLE("bands", self->model.file.novelty.bands));
         return;
     }
-    APP_PUT(out, APP_TEXT("features", lg_feature_kind_name(model->features.kind), NULL),
-            APP_WHOLE("feature_count", model->features.count, NULL),
-            APP_WHOLE("components", model->pca.components, NULL),
+    APP_PUT(out, LG_TEXT("features", lg_feature_kind_name(model->features.kind), NULL),
+            LG_WHOLE("feature_count", model->features.count, NULL),
+            LG_WHOLE("components", model->pca.components, NULL),
             LG_AS_TEXT("directions", train_given.directions == 1 ? "x" : "xy"),
-            APP_REAL("feature_seconds", self->feature_seconds, NULL));
+            LG_REAL("feature_seconds", self->feature_seconds, NULL));
     put_method(out, model, &self->chosen.options[self->chosen.best]);
     if (self->chosen.accuracy != NULL) put_choice(out, &self->chosen);
 }
@@ -336,12 +336,12 @@ static void report(const classical *self) {
     lg_detector_tell_training(training, model->method, model->file.names.classes,
                               model->file.names.class_name);
     train_put_results(out, training, 0, training->result_count);
-    APP_PUT(out, APP_TEXT("healthy", train_run.healthy[0] != '\0' ? train_run.healthy : NULL, NULL),
-            APP_TEXT("split", lg_split_name(train_run.split), NULL),
+    APP_PUT(out, LG_TEXT("healthy", train_run.healthy[0] != '\0' ? train_run.healthy : NULL, NULL),
+            LG_TEXT("split", lg_split_name(train_run.split), NULL),
             LG_AS_REAL("test_fraction", train_run.test_fraction));
     put_classical(out, self);
     APP_PUT(out, LG_AS_WHOLE("seed", program->seed), LG_AS_WHOLE("threads", program->threads),
-            APP_TEXT("out", train_given_files.out, NULL));
+            LG_TEXT("out", train_given_files.out, NULL));
     if (model->sort == WELL_CLASSICAL) app_json_real(out, "floor", (double)NAN);
 }
 

@@ -316,29 +316,29 @@ static void print_summary(const watching *self, double seconds, size_t watch_byt
     app_json *out = self->app->out;
     out->prefix = "# ";
     APP_PUT(out, LG_AS_FLAG("summary", true),
-            APP_TEXT("healthy", self->bench.model->file.run.healthy,
-                     "windows of other classes vote for the alarm"),
-            LG_AS_FLAG("interrupted", app_interrupted()), APP_WHOLE("samples", t->samples, NULL),
-            APP_WHOLE("received", t->received, NULL), APP_WHOLE("absent", t->absent, NULL),
-            APP_WHOLE("not_finite", t->not_finite, NULL), APP_WHOLE("malformed", t->malformed, NULL),
-            APP_WHOLE("repeated", t->repeated, NULL), APP_REAL("days", days, NULL),
-            APP_WHOLE("windows", t->windows, NULL), APP_WHOLE("judged", t->judged, NULL),
-            APP_WHOLE("positive", t->positive, NULL), LG_AS_WHOLE("failed", t->failed));
+            LG_TEXT("healthy", self->bench.model->file.run.healthy,
+                    "windows of other classes vote for the alarm"),
+            LG_AS_FLAG("interrupted", app_interrupted()), LG_WHOLE("samples", t->samples, NULL),
+            LG_WHOLE("received", t->received, NULL), LG_WHOLE("absent", t->absent, NULL),
+            LG_WHOLE("not_finite", t->not_finite, NULL), LG_WHOLE("malformed", t->malformed, NULL),
+            LG_WHOLE("repeated", t->repeated, NULL), LG_REAL("days", days, NULL),
+            LG_WHOLE("windows", t->windows, NULL), LG_WHOLE("judged", t->judged, NULL),
+            LG_WHOLE("positive", t->positive, NULL), LG_AS_WHOLE("failed", t->failed));
     if (isfinite(self->bench.farthest) || !out->people)
-        APP_PUT(out, APP_WHOLE("unlike", t->unlike, NULL),
-                APP_WHOLE("unlike_alarms", t->unlike_alarms, self->unlike ? "standing" : NULL));
+        APP_PUT(out, LG_WHOLE("unlike", t->unlike, NULL),
+                LG_WHOLE("unlike_alarms", t->unlike_alarms, self->unlike ? "standing" : NULL));
     APP_PUT(out, LG_AS_REAL("first_unlike", t->first_unlike), LG_AS_FLAG("alarm", self->alarm),
-            APP_WHOLE("alarms", t->alarms, self->alarm ? "standing" : NULL),
+            LG_WHOLE("alarms", t->alarms, self->alarm ? "standing" : NULL),
             LG_AS_REAL("first_alarm", t->first_alarm));
     put_known(out, "crack_at", values.crack_at, "s");
     put_known(out, "time_to_detection", t->detection - values.crack_at, "s");
     put_known(out, "false_alarms", (double)t->alarms_before, NULL);
     put_known(out, "false_alarms_per_day", a_day(t->alarms_before, before), NULL);
     put_known(out, "false_positive_windows_per_day", a_day(t->positive_before, before), NULL);
-    APP_PUT(out, APP_REAL("seconds", seconds, NULL),
-            APP_REAL("samples_per_second", (double)t->samples / seconds, NULL),
-            APP_WHOLE("watch_bytes", watch_bytes, NULL), LG_AS_WHOLE("start_rss_kb", start_rss),
-            APP_WHOLE("max_rss_kb", max_rss_kb(), NULL));
+    APP_PUT(out, LG_REAL("seconds", seconds, NULL),
+            LG_REAL("samples_per_second", (double)t->samples / seconds, NULL),
+            LG_WHOLE("watch_bytes", watch_bytes, NULL), LG_AS_WHOLE("start_rss_kb", start_rss),
+            LG_WHOLE("max_rss_kb", max_rss_kb(), NULL));
 }
 
 /* ---- the command ---- */

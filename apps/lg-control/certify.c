@@ -296,27 +296,25 @@ static void tell(app *self, naming names, const verdict *v) {
     const lg_certify_result *r = &v->r;
     app_json *out = self->out;
     APP_PUT(out, LG_AS_FLAG("verified", r->verified), LG_AS_FLAG("global", r->verified && v->global),
-            LG_AS_FLAG("converges", r->converges), APP_TEXT("claim", r->claim, NULL));
+            LG_AS_FLAG("converges", r->converges), LG_TEXT("claim", r->claim, NULL));
     APP_FREE char *reason = r->verified ? NULL : tell_reason(out, names, v);
-    if (!r->verified) app_result_text(out, "reason", reason, NULL);
-    if (v->global) {
+    if (!r->verified) app_json_put(out, LG_TEXT("reason", reason, NULL));
+    if (!v->global) app_result_real(out, "level", rounded_down(r->level), NULL);
+    if (v->global)
         app_result_real(out, "margin", rounded_down(v->margin), "of the input's force over the potential's");
-    } else if (values.lyapunov == ENERGY) {
-        APP_PUT(out, APP_REAL("level", rounded_down(r->level), NULL),
-                APP_REAL("angle", rounded_down(v->margin),
-                         "radians: all rotations at rest up to it are in the set"));
-    } else {
-        APP_PUT(out, APP_REAL("level", rounded_down(r->level), NULL),
-                APP_REAL("volume", rounded_down(r->volume), "of {V <= level}, a lower bound"),
-                APP_REAL("fraction", rounded_down(r->fraction), "of the box"));
-    }
+    else if (values.lyapunov == ENERGY)
+        app_result_real(out, "angle", rounded_down(v->margin),
+                        "radians: all rotations at rest up to it are in the set");
+    else
+        APP_PUT(out, LG_REAL("volume", rounded_down(r->volume), "of {V <= level}, a lower bound"),
+                LG_REAL("fraction", rounded_down(r->fraction), "of the box"));
     if (r->width != NULL)
-        app_json_put(out, APP_REALS("width", r->width, v->sides,
-                                    "the set's largest distance from the goal in each state"));
+        app_json_put(out, LG_REALS("width", r->width, v->sides,
+                                   "the set's largest distance from the goal in each state"));
     if (r->input_error > 0) app_json_real(out, "input_error", r->input_error);
     if (r->input_error > 0 && r->verified) app_json_real(out, "eps_rounded", r->eps_rounded);
     tell_forms(out, names, v);
-    APP_PUT(out, APP_WHOLE("boxes", r->boxes, "examined"), APP_REAL("seconds", r->seconds, NULL));
+    APP_PUT(out, LG_WHOLE("boxes", r->boxes, "examined"), LG_REAL("seconds", r->seconds, NULL));
     app_result_end(self);
     if (!r->verified) app_stop(self, LG_CHECK_FAILED, "not proved: %s", reason);
 }

@@ -176,7 +176,7 @@ static void run_along(const following *f, lg_plan *const *plan, double *x, void 
                       double *saturated) {
     const double begin = f->table.value[0], end = f->table.value[(f->table.rows - 1) * f->table.width];
     const double periods = floor((end - begin) / f->task->period);
-    if (!(periods < 1e9))
+    if (!(periods <= 1e9))
         app_stop(f->self, LG_FORMAT,
                  "%s: from the first to the last time are %g periods of %g s, expected at most 1e+09",
                  f->table.path, periods, f->task->period);
@@ -215,8 +215,8 @@ static void tell_errors(const following *f, app_json *out, const sums *sum, doub
     for (uint32_t k = 0; k < f->tracked; k++) {
         const char *name = f->task->coordinate[f->place[k]].name;
         APP_FREE char *rms = app_format("%s_rms", name), *largest = app_format("%s_largest", name);
-        APP_PUT(out, APP_REAL(rms, sqrt(sum[k].square), "of the distance from the set point"),
-                APP_REAL(largest, sum[k].largest, NULL));
+        APP_PUT(out, LG_REAL(rms, sqrt(sum[k].square), "of the distance from the set point"),
+                LG_REAL(largest, sum[k].largest, NULL));
     }
     app_result_real(out, "saturated", saturated, "share of the periods with an input at a limit");
     app_json_close(out, '}');

@@ -82,17 +82,17 @@ lg_policy_outcome control_evaluate(const app *self, const lg_policy *policy, lg_
 
 static void put_success(app_json *out, const lg_policy_outcome *o) {
     const double interval[] = {o->success_low, o->success_high};
-    APP_PUT(out, APP_REAL("success", (double)o->succeeded / (double)o->starts, "share of the starts"),
-            APP_REALS("success_interval", interval, 2, "95 %"));
+    APP_PUT(out, LG_REAL("success", (double)o->succeeded / (double)o->starts, "share of the starts"),
+            LG_REALS("success_interval", interval, 2, "95 %"));
 }
 
 void control_tell_outcome(app_json *out, const char *key, const char *heading, const lg_policy_outcome *o) {
     if (heading != NULL) app_result_line(out, "%s:", heading);
     if (key != NULL) app_json_open(out, key, '{');
-    APP_PUT(out, APP_WHOLE("starts", o->starts, NULL), APP_WHOLE("succeeded", o->succeeded, NULL));
+    APP_PUT(out, LG_WHOLE("starts", o->starts, NULL), LG_WHOLE("succeeded", o->succeeded, NULL));
     put_success(out, o);
-    APP_PUT(out, APP_REAL("cost_mean", o->cost_mean, NULL), APP_REAL("cost_median", o->cost_median, NULL),
-            APP_REAL("saturated", o->saturated, "share of the periods with an input at a limit"));
+    APP_PUT(out, LG_REAL("cost_mean", o->cost_mean, NULL), LG_REAL("cost_median", o->cost_median, NULL),
+            LG_REAL("saturated", o->saturated, "share of the periods with an input at a limit"));
     if (key != NULL) app_json_close(out, '}');
 }
 
@@ -169,10 +169,10 @@ static void report(const app *self, const lg_policy *trained, control_machine *m
     app_result_real(out, "regulator_success", (double)regulator.succeeded / (double)regulator.starts,
                     "share, the saturated regulator alone");
     if (disturbed) control_tell_outcome(out, "disturbed", "with the disturbances of the task", &rough);
-    APP_PUT(out, APP_WHOLE("parameters", lg_policy_parameters(policy), NULL),
-            APP_WHOLE("substeps", lg_policy_task_of(trained)->substeps, "of the integrator in a period"),
-            APP_REAL("seconds", result->seconds, NULL), APP_WHOLE("seed", self->seed, NULL),
-            APP_WHOLE("winner", result->seed, "of the race"), APP_TEXT("out", values.out, NULL));
+    APP_PUT(out, LG_WHOLE("parameters", lg_policy_parameters(policy), NULL),
+            LG_WHOLE("substeps", lg_policy_task_of(trained)->substeps, "of the integrator in a period"),
+            LG_REAL("seconds", result->seconds, NULL), LG_WHOLE("seed", self->seed, NULL),
+            LG_WHOLE("winner", result->seed, "of the race"), LG_TEXT("out", values.out, NULL));
     report_gap(self, policy, seed,
                values.seconds > 0 ? 0.2 * values.seconds : fmax(10, 0.2 * result->seconds), out);
     control_tell_robustness(policy, machine, values.robustness, out);

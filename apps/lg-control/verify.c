@@ -63,17 +63,17 @@ static void tell(app *self, const lg_certificate *file, const lg_certify_result 
     const bool verified = reason[0] == '\0';
     app_json *out = self->out;
     APP_PUT(out, LG_AS_FLAG("verified", verified), LG_AS_FLAG("converges", verified && r->converges),
-            APP_TEXT("claim", r->claim, NULL));
-    if (!verified) app_result_text(out, "reason", reason, NULL);
-    APP_PUT(out, APP_TEXT("plant", file->plant, file->plant_sha256),
-            APP_TEXT("controller", file->controller, file->controller_sha256),
+            LG_TEXT("claim", r->claim, NULL));
+    if (!verified) app_json_put(out, LG_TEXT("reason", reason, NULL));
+    APP_PUT(out, LG_TEXT("plant", file->plant, file->plant_sha256),
+            LG_TEXT("controller", file->controller, file->controller_sha256),
             LG_AS_TEXT("plant_sha256", file->plant_sha256),
             LG_AS_TEXT("controller_sha256", file->controller_sha256));
     if (c->compared)
         APP_PUT(out, LG_AS_FLAG("same_plant", c->plant), LG_AS_FLAG("same_controller", c->controller),
                 LG_AS_FLAG("same_period", c->period && c->held == 0));
-    APP_PUT(out, APP_REAL("level", r->level, NULL), APP_WHOLE("boxes", r->boxes, "examined"),
-            APP_REAL("seconds", r->seconds, NULL));
+    APP_PUT(out, LG_REAL("level", r->level, NULL), LG_WHOLE("boxes", r->boxes, "examined"),
+            LG_REAL("seconds", r->seconds, NULL));
     if (!r->verified) tell_box(out, file, r);
     app_result_end(self);
     if (!verified) app_stop(self, LG_CHECK_FAILED, "not proved: %s", reason);

@@ -52,14 +52,14 @@ static void report(const app *self, const lg_elastica_data *data, double seconds
         high = fmax(high, curves->energy[i]);
     }
     app_json *out = self->out;
-    APP_PUT(out, APP_TEXT("case", families_names[values.kind], NULL),
-            APP_WHOLE("curves", curves->count, NULL), APP_WHOLE("intervals", curves->intervals, NULL),
-            APP_TEXT("values", curves->continuous ? "continuous" : "discrete", NULL),
+    APP_PUT(out, LG_TEXT("case", families_names[values.kind], NULL), LG_WHOLE("curves", curves->count, NULL),
+            LG_WHOLE("intervals", curves->intervals, NULL),
+            LG_TEXT("values", curves->continuous ? "continuous" : "discrete", NULL),
             LG_AS_REAL("length", curves->length), LG_AS_REAL("stiffness", curves->stiffness),
-            LG_AS_REAL("gap", values.gap), APP_REAL("energy_min", low, NULL),
-            APP_REAL("energy_max", high, NULL), LG_AS_WHOLE("threads", self->threads),
-            LG_AS_TEXT("sha256", data->sha256), APP_TEXT("out", values.out, NULL),
-            APP_REAL("seconds", seconds, NULL));
+            LG_AS_REAL("gap", values.gap), LG_REAL("energy_min", low, NULL),
+            LG_REAL("energy_max", high, NULL), LG_AS_WHOLE("threads", self->threads),
+            LG_AS_TEXT("sha256", data->sha256), LG_TEXT("out", values.out, NULL),
+            LG_REAL("seconds", seconds, NULL));
 }
 
 static void run(app *self) {

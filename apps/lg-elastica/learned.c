@@ -115,7 +115,7 @@ typedef struct prediction {
 
 /* ---- input ---- */
 
-/* The beam is that of the data that the model was trained on, but for its ends. */
+/* The beam of the training data, without its end angles. */
 static void read_where(const app *self, prediction *p) {
     const lg_surrogate_file *file = &p->file;
     const lg_elastica_families known = lg_elastica_families_of(file->trained, file->trained_count);
@@ -211,17 +211,17 @@ static void report_curve(const app *self, const prediction *p) {
     app_json_reals(out, "s", at->s, at->count);
     result_nodes(out, at, predict_given.s.count > 0);
     APP_PUT(out, LG_AS_REALS("boundary", p->x, 8),
-            APP_REAL("distance", p->beyond.largest, "from the nearest boundary conditions trained on"),
-            APP_REAL("reach", p->beyond.reach, "largest distance among these"),
-            APP_REAL("off_family", p->beyond.off, "from the family of boundary conditions trained on"),
-            APP_REAL("spread", p->beyond.spread, "largest such distance among these"),
-            LG_AS_FLAG("inside", p->beyond.count == 0), APP_REAL("seconds", p->seconds, NULL));
+            LG_REAL("distance", p->beyond.largest, "from the nearest boundary conditions trained on"),
+            LG_REAL("reach", p->beyond.reach, "largest distance among these"),
+            LG_REAL("off_family", p->beyond.off, "from the family of boundary conditions trained on"),
+            LG_REAL("spread", p->beyond.spread, "largest such distance among these"),
+            LG_AS_FLAG("inside", p->beyond.count == 0), LG_REAL("seconds", p->seconds, NULL));
     if (predict_given.solve)
-        APP_PUT(out, APP_REAL("max_error", p->max_error, "largest difference at the nodes"),
-                APP_REAL("mse", p->mse, NULL),
-                APP_REAL("energy", p->stiff ? p->truth.solution.energy : NAN, NULL),
-                APP_REAL("rotation", p->truth.problem.rotation, NULL),
-                APP_REAL("solve_seconds", p->solve_seconds, NULL));
+        APP_PUT(out, LG_REAL("max_error", p->max_error, "largest difference at the nodes"),
+                LG_REAL("mse", p->mse, NULL),
+                LG_REAL("energy", p->stiff ? p->truth.solution.energy : NAN, NULL),
+                LG_REAL("rotation", p->truth.problem.rotation, NULL),
+                LG_REAL("solve_seconds", p->solve_seconds, NULL));
     APP_PUT(out, LG_AS_TEXT("network", lg_surrogate_kind_name(p->file.run.model.options.kind)),
             LG_AS_TEXT("out", predict_given.out));
 }

@@ -37,12 +37,12 @@ static void add_problem(app_json *out, const lg_elastica *problem) {
 
 static void add_curve(app_json *out, const beam_curve *curve) {
     const lg_elastica_solution *solution = &curve->solution;
-    APP_PUT(out, APP_REAL("energy", solution->energy, NULL),
-            APP_WHOLE("negative_eigenvalues", solution->negative_eigenvalues,
-                      solution->negative_eigenvalues == 0 ? "minimum" : "saddle"),
-            APP_REAL("gradient", solution->gradient, NULL), APP_REAL("residual", solution->residual, NULL),
-            APP_REALS("multiplier", solution->force, 2, "force"),
-            APP_REAL("rotation", curve->problem.rotation, NULL));
+    APP_PUT(out, LG_REAL("energy", solution->energy, NULL),
+            LG_WHOLE("negative_eigenvalues", solution->negative_eigenvalues,
+                     solution->negative_eigenvalues == 0 ? "minimum" : "saddle"),
+            LG_REAL("gradient", solution->gradient, NULL), LG_REAL("residual", solution->residual, NULL),
+            LG_REALS("multiplier", solution->force, 2, "force"),
+            LG_REAL("rotation", curve->problem.rotation, NULL));
     result_nodes(out, &curve->at, false);
 }
 
@@ -51,7 +51,7 @@ static void add_curve(app_json *out, const beam_curve *curve) {
 static void report_curve(const app *self, const beam_curve *curve, double seconds) {
     const size_t inner = curve->problem.intervals - 1;
     app_json *out = self->out;
-    app_result_text(out, "values", values.continuous ? "continuous" : "discrete", NULL);
+    app_json_put(out, LG_TEXT("values", values.continuous ? "continuous" : "discrete", NULL));
     add_curve(out, curve);
     if (!values.continuous) {
         APP_FREE double *lambda = app_alloc(inner, sizeof *lambda);
@@ -59,8 +59,8 @@ static void report_curve(const app *self, const beam_curve *curve, double second
         app_json_reals(out, "lambda", lambda, inner);
     }
     add_problem(out, &curve->problem);
-    APP_PUT(out, APP_WHOLE("iterations", curve->solution.iterations, "Newton steps"),
-            LG_AS_WHOLE("problems", curve->solution.problems), APP_REAL("seconds", seconds, NULL));
+    APP_PUT(out, LG_WHOLE("iterations", curve->solution.iterations, "Newton steps"),
+            LG_AS_WHOLE("problems", curve->solution.problems), LG_REAL("seconds", seconds, NULL));
 }
 
 /* Warns if the energy differs by more than 5 % from the energy of the continuous beam. If the continuous beam
@@ -99,13 +99,13 @@ static void report_branches(const app *self, const beam_curves *found, const lg_
     for (size_t i = 0; i < found->count; i++) {
         const bool saddle = found->list[i].solution.negative_eigenvalues > 0;
         app_json_open(out, NULL, '{');
-        if (out->people) app_json_size(out, "branch", i + 1);
-        if (out->people) app_json_text(out, "", saddle ? "saddle" : "minimum");
+        if (out->people)
+            APP_PUT(out, LG_AS_WHOLE("branch", i + 1), LG_AS_TEXT("", saddle ? "saddle" : "minimum"));
         add_curve(out, &found->list[i]);
         app_json_close(out, '}');
     }
     app_result_rows_end(out);
-    app_result_size(out, "count", found->count, NULL);
+    app_json_put(out, LG_WHOLE("count", found->count, NULL));
     add_problem(out, problem);
     app_result_real(out, "seconds", seconds, NULL);
 }
@@ -283,15 +283,16 @@ static void solve_sweep(const app *self, const lg_elastica *problem, const lg_el
     for (size_t i = 0; i < n; i++) follow(&s, i);
     collect(&s);
     const double seconds = app_seconds() - begin;
-    lg_columns to = {.text = app_text()};
-    lg_columns_names(&to, SWEEP_HEAD);
-    lg_columns_end(&to);
-    for (const sweep_point *at = s.rows; at < s.rows + s.count; at++) {
-        lg_columns_numbers(&to, (const double *)(const void *)at, NUMBERS);
+    if (values.out != NULL) {
+        lg_columns to = {.text = app_text()};
+        lg_columns_names(&to, SWEEP_HEAD);
         lg_columns_end(&to);
-    }
-    if (values.out != NULL)
+        for (const sweep_point *at = s.rows; at < s.rows + s.count; at++) {
+            lg_columns_numbers(&to, (const double *)(const void *)at, NUMBERS);
+            lg_columns_end(&to);
+        }
         APP_MUST_FILE(self, values.out, lg_columns_write(&to, self->context, values.out, &error));
+    }
     app_plot_row(self, &sweep_plot, &s);
     report_sweep(&s, seconds);
 }

@@ -223,8 +223,8 @@ void export_source_free(export_source *source);
 /* Allocates zeroed arrays for options->golden vectors; source->inputs and source->outputs must be set.
  * `jacobian`: there are Jacobians. */
 void export_golden_make(export_source *source, bool jacobian);
-/* Adds `size` further results to each golden vector, all 0, and returns them. The last name that is not NULL
- * is that of all. */
+/* Adds `size` further results to each golden vector, all 0, and returns them. The self-test
+ * prints the last name that is not NULL. */
 double *export_golden_further(export_source *source, size_t size, const char *name);
 /* Returns the sum of the squares of `values`, computed in the exported type and in the order of the
  * self-test. Returns 0 for NULL. */

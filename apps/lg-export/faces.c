@@ -155,7 +155,7 @@ static lg_status add_golden(export_model *m) {
     lg_status status = LG_OK;
     lg_rng_seed(&m->rng, m->source->options->seed, m->kind->stream);
     if (m->window.names.channels > 0)
-        export_window_golden(m->source, scores);
+        export_window_golden(m->source, classes ? scores : 0);
     else
         export_golden_make(m->source, export_has(m, &export_face_value));
     if (classes && lg_program_find(m->program, "probability", &function, NULL) == LG_OK) {

@@ -256,9 +256,9 @@ static void report(const job *j) {
     const size_t parameters = source->parameters > 0 ? source->parameters : source->numbers;
     const lg_scheme *scheme = j->options.scheme;
     app_json *out = j->self->out;
-    APP_PUT(out, APP_TEXT("name", j->name, NULL), APP_TEXT("kind", j->kind, NULL),
-            APP_TEXT("dtype", dtypes[j->source.single ? 1 : given.dtype], NULL),
-            APP_TEXT("scheme", scheme != NULL ? scheme->name : NULL, "of the step"));
+    APP_PUT(out, LG_TEXT("name", j->name, NULL), LG_TEXT("kind", j->kind, NULL),
+            LG_TEXT("dtype", dtypes[j->source.single ? 1 : given.dtype], NULL),
+            LG_TEXT("scheme", scheme != NULL ? scheme->name : NULL, "of the step"));
     app_json_open(out, "files", '[');
     for (size_t i = 0; i < source->file_count; i++) {
         app_json_text(out, NULL, source->files[i].name);
@@ -270,12 +270,12 @@ static void report(const job *j) {
     } else {
         APP_PUT(out, LG_AS_WHOLE("inputs", source->inputs), LG_AS_WHOLE("outputs", source->outputs));
     }
-    APP_PUT(out, APP_WHOLE("parameters", parameters, NULL),
-            APP_WHOLE("weights_bytes", source->numbers * real_bytes(j) + source->integer_bytes, NULL),
+    APP_PUT(out, LG_WHOLE("parameters", parameters, NULL),
+            LG_WHOLE("weights_bytes", source->numbers * real_bytes(j) + source->integer_bytes, NULL),
             LG_AS_WHOLE("work_size", source->work),
-            APP_WHOLE("work_bytes", source->work * real_bytes(j), NULL),
-            APP_WHOLE("stack_size", source->stack, "bytes at most"), APP_WHOLE("depth", source->depth, NULL),
-            APP_REAL("tolerance", export_tolerance(source), "of the self-test; make test runs it"));
+            LG_WHOLE("work_bytes", source->work * real_bytes(j), NULL),
+            LG_WHOLE("stack_size", source->stack, "bytes at most"), LG_WHOLE("depth", source->depth, NULL),
+            LG_REAL("tolerance", export_tolerance(source), "of the self-test; make test runs it"));
 }
 
 /* Warns about results that rounding spoils, and about numbers that become 0 or lose digits in single

@@ -170,9 +170,9 @@ static void run_predict(app *self) {
     lg_table_warn_outside(self->context, found.outside, rows, path, model);
     const bool failed = lg_table_warn_infinite(self->context, found.infinite, rows, path);
     if (app_common_given.out != NULL)
-        APP_PUT(self->out, APP_TEXT("out", app_common_given.out, NULL), APP_WHOLE("rows", rows, NULL),
-                APP_WHOLE("incomplete", found.incomplete, "rows that lack an input"),
-                APP_WHOLE("outside", found.outside, "rows beyond the training range"));
+        APP_PUT(self->out, LG_TEXT("out", app_common_given.out, NULL), LG_WHOLE("rows", rows, NULL),
+                LG_WHOLE("incomplete", found.incomplete, "rows that lack an input"),
+                LG_WHOLE("outside", found.outside, "rows beyond the training range"));
     if (failed) self->code = APP_EXIT_NUMERIC;
     lg_recipe_release(&lg_recipe_table, &file);
 }

@@ -5,7 +5,6 @@
 
 #include <errno.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -29,18 +28,18 @@ static evaluate_values values;
 static void report(const app *self, const lg_trajectories *test, const verdict *result, bool recorded,
                    double seconds) {
     app_json *out = self->out;
-    APP_PUT(out, APP_REAL("E1", result->e1, "mean squared error of the learned flow, starts included"),
-            APP_REAL("E2", result->e2,
-                     test->hamiltonian == NULL
-                         ? "the file of the test trajectories has no /hamiltonian"
-                         : "mean deviation of the Hamiltonian from the true one, up to a constant"));
+    APP_PUT(out, LG_REAL("E1", result->e1, "mean squared error of the learned flow, starts included"),
+            LG_REAL("E2", result->e2,
+                    test->hamiltonian == NULL
+                        ? "the file of the test trajectories has no /hamiltonian"
+                        : "mean deviation of the Hamiltonian from the true one, up to a constant"));
     if (values.relative)
-        APP_PUT(out, APP_REAL("relative", result->relative, "geometric mean of |z - z'|/|z + z'| + 1e-8"),
-                APP_REAL("relative_worst", result->relative_worst, "the same of the worst trajectory"));
-    APP_PUT(out, APP_WHOLE("trajectories", test->count, NULL),
-            APP_WHOLE("points", test->points, "of each trajectory"),
-            APP_REAL("t_end", test->t[test->points - 1] - test->t[0], NULL), LG_AS_FLAG("recorded", recorded),
-            LG_AS_WHOLE("threads", self->threads), APP_REAL("seconds", seconds, NULL));
+        APP_PUT(out, LG_REAL("relative", result->relative, "geometric mean of |z - z'|/|z + z'| + 1e-8"),
+                LG_REAL("relative_worst", result->relative_worst, "the same of the worst trajectory"));
+    APP_PUT(out, LG_WHOLE("trajectories", test->count, NULL),
+            LG_WHOLE("points", test->points, "of each trajectory"),
+            LG_REAL("t_end", test->t[test->points - 1] - test->t[0], NULL), LG_AS_FLAG("recorded", recorded),
+            LG_AS_WHOLE("threads", self->threads), LG_REAL("seconds", seconds, NULL));
     if (recorded) app_result_line(out, "Recorded in %s", self->arguments[0]);
 }
 

@@ -216,13 +216,13 @@ static void run(app *self) {
         APP_FILE(self, values.out, lg_trajectories_write, &data);
         trials_end(&made);
         app_json *out = self->out;
-        APP_PUT(out, APP_TEXT("system", data.system, NULL), LG_AS_WHOLE("links", data.n),
-                APP_WHOLE("trajectories", data.count, NULL), APP_WHOLE("points", data.points, "of each"),
-                APP_WHOLE("state_size", data.state_dim, "numbers of a point"), APP_REAL("dt", data.dt, NULL));
+        APP_PUT(out, LG_TEXT("system", data.system, NULL), LG_AS_WHOLE("links", data.n),
+                LG_WHOLE("trajectories", data.count, NULL), LG_WHOLE("points", data.points, "of each"),
+                LG_WHOLE("state_size", data.state_dim, "numbers of a point"), LG_REAL("dt", data.dt, NULL));
         const lg_field *noise = lg_field_find(generate_options, "noise"); /* noise_kind, noise_on follow */
         for (const lg_field *row = noise; row < noise + 3; row++) app_json_field(out, row, &values);
         APP_PUT(out, LG_AS_WHOLE("seed", self->seed), LG_AS_TEXT("sha256", data.sha256),
-                APP_TEXT("out", values.out, NULL), APP_REAL("seconds", app_seconds() - begin, NULL));
+                LG_TEXT("out", values.out, NULL), LG_REAL("seconds", app_seconds() - begin, NULL));
     }
     if (scene.has_initial)
         app_warn(self,

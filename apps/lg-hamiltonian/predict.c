@@ -119,13 +119,13 @@ static void report(const app *self, const prediction *p) {
     for (size_t i = 0; i < p->y.points; i++) drift = fmax(drift, fabs(p->energy[i] - p->energy[0]));
     for (size_t i = 0; p->truth != NULL && i < p->y.points * p->dim; i++)
         largest = fmax(largest, fabs(p->y.data[i] - p->truth[i]));
-    APP_PUT(out, APP_REAL("t", p->t_end, NULL),
-            APP_REALS("y", p->y.data + (p->y.points - 1) * p->dim, p->dim, NULL),
-            LG_AS_WHOLE("points", p->y.points), APP_WHOLE("steps", p->stats.steps, NULL),
+    APP_PUT(out, LG_REAL("t", p->t_end, NULL),
+            LG_REALS("y", p->y.data + (p->y.points - 1) * p->dim, p->dim, NULL),
+            LG_AS_WHOLE("points", p->y.points), LG_WHOLE("steps", p->stats.steps, NULL),
             LG_AS_WHOLE("evaluations", p->stats.evaluations),
-            APP_REAL("energy_drift", drift, "largest change of the learned energy"),
-            APP_REAL("max_error", largest, "largest difference from the true flow, which a scene gives"),
-            LG_AS_TEXT("out", app_common_given.out), APP_REAL("seconds", p->seconds, NULL));
+            LG_REAL("energy_drift", drift, "largest change of the learned energy"),
+            LG_REAL("max_error", largest, "largest difference from the true flow, which a scene gives"),
+            LG_AS_TEXT("out", app_common_given.out), LG_REAL("seconds", p->seconds, NULL));
 }
 
 static void prediction_destroy(prediction *p) {

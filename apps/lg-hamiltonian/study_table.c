@@ -235,8 +235,8 @@ static void put_best(app_json *out, const char *name, const study_table *table, 
 void study_report(const app *self, const study_table *table, size_t fresh, double seconds) {
     const size_t integrators = table->count[AXIS_INTEGRATOR], substeps = table->count[AXIS_SUBSTEPS];
     app_json *out = self->out;
-    APP_PUT(out, APP_WHOLE("planned", study_runs(table), "runs of the grid"),
-            APP_WHOLE("done", table->rows, "runs of the table"), APP_WHOLE("new", fresh, NULL),
+    APP_PUT(out, LG_WHOLE("planned", study_runs(table), "runs of the grid"),
+            LG_WHOLE("done", table->rows, "runs of the table"), LG_WHOLE("new", fresh, NULL),
             LG_AS_TEXT("protocol", table->protocol));
     app_result_line(out, "\nMedians over the repeats");
     app_result_rows(out, "medians");
@@ -256,7 +256,7 @@ void study_report(const app *self, const study_table *table, size_t fresh, doubl
     put_best(out, "best_without_noise", table, STUDY_WITHOUT);
     put_best(out, "best_with_noise", table, STUDY_WITH);
     APP_PUT(out, LG_AS_WHOLE("threads", self->threads), LG_AS_TEXT("out", table->path),
-            APP_REAL("seconds", seconds, NULL));
+            LG_REAL("seconds", seconds, NULL));
 }
 
 /* ---- the plot ---- */

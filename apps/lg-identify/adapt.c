@@ -264,10 +264,10 @@ static void report(const app *self, const adapting *a) {
                    LG_AS_REAL("error", fabs(value_of(a, k, a->error[k]) - value_of(a, k, -a->error[k])) / 2),
                    LG_AS_REAL("prior", a->to.units[k]));
     app_result_rows_end(out);
-    APP_PUT(out, APP_TEXT("errors", a->found.block > 0 ? "corrected for correlation" : "white", NULL),
-            APP_WHOLE("window", a->window, "rows of a window of the fit"));
+    APP_PUT(out, LG_TEXT("errors", a->found.block > 0 ? "corrected for correlation" : "white", NULL),
+            LG_WHOLE("window", a->window, "rows of a window of the fit"));
     identify_put_start_rows(out, &a->given.model);
-    app_result_text(out, "numbers", a->kept ? "kept" : "changed", NULL);
+    app_json_put(out, LG_TEXT("numbers", a->kept ? "kept" : "changed", NULL));
     app_result_named(out, "rest", "root mean square of the rest, free run");
     for (uint32_t c = 0; c < file->column_count; c++) {
         if (!identify_is_state(&file->columns[c])) continue;
@@ -275,7 +275,7 @@ static void report(const app *self, const adapting *a) {
                    LG_AS_REAL("after", a->after[c]), LG_AS_REAL("unchanged", a->unchanged[c]));
     }
     app_result_rows_end(out);
-    if (values.out != NULL) app_result_text(out, "out", values.out, NULL);
+    if (values.out != NULL) app_json_put(out, LG_TEXT("out", values.out, NULL));
 }
 
 static void run(app *self) {
@@ -293,9 +293,9 @@ static void run(app *self) {
     find_forces(self, &a, force);
     APP_DO(self, lg_adaptation_create, self->arguments[0], &a.given.file, values.numbers, force, &a.to);
     fit_windows(self, &a);
-    /* More than chance explains in one of 200 cases: chi-squared by Wilson and Hilferty. */
-    const double n = (double)a.to.count, part = 2 / (9 * n),
-                 chance = n * pow(1 - part + 2.576 * sqrt(part), 3);
+    /* The 99.5 % quantile of chi-squared, by Wilson and Hilferty from the normal one. */
+    const double n = (double)a.to.count, part = 2 / (9 * n), normal = 2.576,
+                 chance = n * pow(1 - part + normal * sqrt(part), 3);
     a.kept = !(a.found.change > chance);
     for (size_t k = 0; k < a.to.count && a.kept; k++) a.x[k] = 0;
     judge(self, &a, &a.given.model, false, a.before);

@@ -205,7 +205,10 @@ static void judge_whiteness(const double *x, const size_t *row, size_t n, identi
     out->ljung_box = (double)n * ((double)n + 2) * statistic;
     /* P(chi^2 with LAGS degrees of freedom > the statistic), LAGS even */
     double term = 1, terms = 1;
-    for (int k = 1; k < LAGS / 2; k++) terms += term *= 0.5 * out->ljung_box / k;
+    for (int k = 1; k < LAGS / 2; k++) {
+        term *= 0.5 * out->ljung_box / k;
+        terms += term;
+    }
     out->probability = exp(-0.5 * out->ljung_box) * terms;
 }
 

@@ -100,21 +100,21 @@ static void put_delays(app_json *out, const lg_machine *machine, const lg_logs *
         same = same && logs->delay[i] == logs->delay[0];
     }
     if (same)
-        app_result_size(out, "delay", logs->delay[0], label);
+        app_json_put(out, LG_WHOLE("delay", logs->delay[0], label));
     else
-        app_json_put(out, APP_REALS("delay", each, machine->input_count, label));
+        app_json_put(out, LG_REALS("delay", each, machine->input_count, label));
 }
 
 static void report(const app *self, const lg_machine_data *data) {
     const lg_logs *logs = &data->logs;
     app_json *out = self->out;
-    APP_PUT(out, APP_WHOLE("files", logs->files, NULL), APP_WHOLE("runs", logs->runs, NULL),
-            APP_WHOLE("rows", logs->rows_read, NULL), APP_WHOLE("rows_kept", logs->log.rows, NULL),
-            APP_WHOLE("parts", logs->log.parts, "without a gap"),
-            APP_REAL("dt_median", logs->dt_median, "s from a row to the next"),
-            APP_REAL("dt_max", logs->dt_max, "s at most"),
-            APP_REAL("max_step", logs->max_step, "s; longer steps are gaps"),
-            APP_WHOLE("gaps", logs->gaps, NULL));
+    APP_PUT(out, LG_WHOLE("files", logs->files, NULL), LG_WHOLE("runs", logs->runs, NULL),
+            LG_WHOLE("rows", logs->rows_read, NULL), LG_WHOLE("rows_kept", logs->log.rows, NULL),
+            LG_WHOLE("parts", logs->log.parts, "without a gap"),
+            LG_REAL("dt_median", logs->dt_median, "s from a row to the next"),
+            LG_REAL("dt_max", logs->dt_max, "s at most"),
+            LG_REAL("max_step", logs->max_step, "s; longer steps are gaps"),
+            LG_WHOLE("gaps", logs->gaps, NULL));
     put_delays(out, &data->file.machine, logs);
     app_result_named(out, "columns", "column");
     for (uint32_t c = 0; c < data->file.column_count; c++) {

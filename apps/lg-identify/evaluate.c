@@ -136,8 +136,7 @@ static void report(const app *self, const identify_given *given, const verdict *
     if (out->people) show_horizons(out, v);
     if (out->people) compare(out, v);
     put_columns(out, file, v);
-    app_json_open(out, "integrates",
-                  '{'); /* the constant force that the free run of a coordinate integrates */
+    app_json_open(out, "integrates", '{'); /* constant forces that the free run integrates */
     for (uint32_t i = 0; i < file->machine.coordinate_count; i++) {
         const identify_offset *o = &v->offsets[i];
         if (!o->integrates) continue;
@@ -150,8 +149,8 @@ static void report(const app *self, const identify_given *given, const verdict *
         app_result_known(out, energy_names[k], v->energy[k], energy_words[k]);
     app_json_close(out, '}');
     if (values.relative)
-        APP_PUT(out, APP_REAL("relative", v->relative, NULL),
-                APP_REAL("relative_worst", v->relative_worst, NULL));
+        APP_PUT(out, LG_REAL("relative", v->relative, NULL),
+                LG_REAL("relative_worst", v->relative_worst, NULL));
 }
 
 /* ---- a linear model to compare the machine with ---- */
@@ -234,15 +233,14 @@ static void warn_of_horizons(const app *self, const verdict *v) {
     const lg_horizon *h = NULL;
     for (const lg_horizon *at = v->horizons; at < v->horizons + v->horizon_count; at++)
         if (at->starts > 0 && (h == NULL || at->seconds < h->seconds)) h = at;
-    for (int i = 0; i < 2 * LG_RUN_ERRORS && h != NULL; i++) {
-        const bool still = i < LG_RUN_ERRORS;
-        const int e = i % LG_RUN_ERRORS;
-        const double error = still ? h->unchanged[e] : v->linear[h - v->horizons].pooled[e];
-        if (h->pooled[e] >= error)
-            app_warn(self, "at %g s the model's error of %s, %.3g, is no better than the %.3g of %s",
-                     h->seconds, lg_run_error_names[e], h->pooled[e], error,
-                     still ? "a machine that stands still" : "a linear model");
-    }
+    if (h == NULL) return;
+    const double *const guesses[] = {h->unchanged, v->linear[h - v->horizons].pooled};
+    for (size_t g = 0; g < LG_COUNT(guesses); g++)
+        for (int e = 0; e < LG_RUN_ERRORS; e++)
+            if (h->pooled[e] >= guesses[g][e])
+                app_warn(self, "at %g s the model's error of %s, %.3g, is no better than the %.3g of %s",
+                         h->seconds, lg_run_error_names[e], h->pooled[e], guesses[g][e],
+                         g == 0 ? "a machine that stands still" : "a linear model");
 }
 
 /* The errors of the linear model, NaN where accelerations alone are measured: it would have no states. */

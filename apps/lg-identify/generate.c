@@ -170,7 +170,7 @@ static void fill_inputs(const app *self, making *m) {
     }
 }
 
-/* The inputs between rows, too. */
+/* Fills the log's times, and its inputs as functions of time between the rows. */
 static void fill_log(making *m) {
     APP_FREE double *work = app_alloc(3 * m->rows, sizeof *work);
     const size_t inputs = m->file.machine.input_count;
@@ -402,11 +402,11 @@ static void run(app *self) {
     size_t rows;
     (void)identify_write(self, values.out, &m.file, &log, NULL, &m.motion, input_of, &m, &rows);
     app_plot_draw(self, 0, &(identify_plot){"First run", &m.file, &log, 1, .runs = NULL});
-    APP_PUT(self->out, APP_WHOLE("runs", m.runs, NULL), APP_WHOLE("rows", rows, "of all runs"),
-            APP_REAL("dt", values.dt, "s from a row to the next"),
-            APP_WHOLE("substeps", m.substeps, "between two rows"),
-            APP_REAL("accuracy", m.accuracy, "of the motion"), LG_AS_WHOLE("seed", self->seed),
-            APP_TEXT("out", values.out, NULL));
+    APP_PUT(self->out, LG_WHOLE("runs", m.runs, NULL), LG_WHOLE("rows", rows, "of all runs"),
+            LG_REAL("dt", values.dt, "s from a row to the next"),
+            LG_WHOLE("substeps", m.substeps, "between two rows"),
+            LG_REAL("accuracy", m.accuracy, "of the motion"), LG_AS_WHOLE("seed", self->seed),
+            LG_TEXT("out", values.out, NULL));
 }
 
 const app_command identify_generate_command = {

@@ -110,10 +110,10 @@ static void run(app *self) {
                                    &data->logs.log, identify_first_run(&data->logs), &runs, .given = NULL});
     identify_leave_out(&given.model, &data->logs.log, &runs);
     identify_column_errors(&given, &runs, errors);
-    APP_PUT(out, APP_WHOLE("rows", rows, NULL), APP_WHOLE("runs", runs.count, NULL));
+    APP_PUT(out, LG_WHOLE("rows", rows, NULL), LG_WHOLE("runs", runs.count, NULL));
     identify_put_start_rows(out, &given.model);
     identify_put_errors(out, &data->file, errors, "root mean square of the difference from the log");
-    app_result_text(out, "out", values.out, NULL);
+    app_json_put(out, LG_TEXT("out", values.out, NULL));
     if (!finite)
         self->code =
             app_fail(self, LG_NOT_FINITE,

@@ -124,8 +124,8 @@ static void follow(const app *self, const lg_model *model, double *start, app_js
         app_flow(self->context, model, lg_scheme_find("rkmk54"), tolerance, 0, start, t, points, y, &stats),
         NULL);
     write_trajectory(self, t, y, points, dim);
-    APP_PUT(out, APP_REAL("t", t_end, NULL), APP_REALS("y", y + (points - 1) * dim, dim, "the state"),
-            APP_WHOLE("steps", stats.steps, NULL));
+    APP_PUT(out, LG_REAL("t", t_end, NULL), LG_REALS("y", y + (points - 1) * dim, dim, "the state"),
+            LG_WHOLE("steps", stats.steps, NULL));
 }
 
 /* Prints the first output of a function of --initial alone, if the program has it. `label`: NULL for the
@@ -141,7 +141,7 @@ static void calculate(const app *self, const lg_program *program, const char *na
     APP_FREE double **y = app_alloc(count, sizeof *y);
     APP_FREE double *first = y[0] = app_alloc(numbers, sizeof *first);
     APP_DO(self, lg_program_eval, program, name, 1, &x, y);
-    app_json_put(self->out, APP_REALS(name, first, numbers, label != NULL ? label : port->name));
+    app_json_put(self->out, LG_REALS(name, first, numbers, label != NULL ? label : port->name));
 }
 
 /* Refuses options of a flow, which a model that does not move would ignore. */

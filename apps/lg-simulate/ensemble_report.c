@@ -26,12 +26,12 @@ static void put_cell(app_json *out, const lg_statistics *from, size_t row, size_
 
 static void put_failures(app_json *out, const result *what) {
     const size_t listed = out->people && what->listed > SHOWN_FAILURES ? SHOWN_FAILURES : what->listed;
-    app_result_size(out, "failed", result_failed(what), "members failed");
+    app_json_put(out, LG_WHOLE("failed", result_failed(what), "members failed"));
     app_json_open(out, "failed_by_status", '{');
     for (size_t i = 0; i < STATUSES; i++)
         if (what->failed[i] > 0)
-            app_result_size(out, lg_status_name((lg_status)i), what->failed[i],
-                            lg_status_sentence((lg_status)i));
+            app_json_put(out, LG_WHOLE(lg_status_name((lg_status)i), what->failed[i],
+                                       lg_status_sentence((lg_status)i)));
     app_json_close(out, '}');
     app_result_rows(out, "failures");
     for (size_t i = 0; i < listed; i++)
@@ -43,15 +43,15 @@ static void put_failures(app_json *out, const result *what) {
 
 static void report_ensemble(app_json *out, const result *what, const lg_ensemble_stats *stats,
                             const char *path) {
-    APP_PUT(out, APP_TEXT("ensemble", what->what, NULL),
-            APP_WHOLE("total", what->total, "members of the ensemble"), APP_WHOLE("first", what->first, NULL),
-            APP_WHOLE("members", what->members, "of this run, from the first on"),
-            LG_AS_WHOLE("block", what->block), APP_WHOLE("steps", what->steps, "of all members"),
-            APP_WHOLE("rejected", what->rejected, NULL));
+    APP_PUT(out, LG_TEXT("ensemble", what->what, NULL),
+            LG_WHOLE("total", what->total, "members of the ensemble"), LG_WHOLE("first", what->first, NULL),
+            LG_WHOLE("members", what->members, "of this run, from the first on"),
+            LG_AS_WHOLE("block", what->block), LG_WHOLE("steps", what->steps, "of all members"),
+            LG_WHOLE("rejected", what->rejected, NULL));
     if (stats != NULL)
-        APP_PUT(out, APP_WHOLE("lanes", stats->lanes, "1: one member at a time"),
-                APP_REAL("occupancy", stats->occupancy, "part of the lanes in use"),
-                APP_REAL("seconds", stats->seconds, NULL));
+        APP_PUT(out, LG_WHOLE("lanes", stats->lanes, "1: one member at a time"),
+                LG_REAL("occupancy", stats->occupancy, "part of the lanes in use"),
+                LG_REAL("seconds", stats->seconds, NULL));
     put_failures(out, what);
     if (what->members == 0)
         app_result_line(out,
@@ -76,7 +76,7 @@ static void report_ensemble(app_json *out, const result *what, const lg_ensemble
         app_json_close(out, '}');
     }
     app_result_rows_end(out);
-    APP_PUT(out, APP_TEXT("out", path, NULL), APP_WHOLE("points", what->points, NULL));
+    APP_PUT(out, LG_TEXT("out", path, NULL), LG_WHOLE("points", what->points, NULL));
 }
 
 void ensemble_conclude(const app *self, const result *what, const lg_ensemble_stats *stats, const char *out) {

@@ -99,7 +99,7 @@ static lg_status measure(const diagram *d, const plan *how, point *out) {
 
 static lg_status fill_curve(const diagram *d, curve *at) {
     const bool given = d->sim->values->steps > 0;
-    size_t steps = given ? (size_t)d->sim->values->steps : 16; /* or so many that h <= 1/8 */
+    size_t steps = given ? (size_t)d->sim->values->steps : 16; /* at least, and h <= 1/8 */
     while (!given && (double)steps < 8 * d->sim->t_end && steps < (size_t)1 << 30) steps *= 2;
     double tol = app_given(d->sim->self, "tolerance") ? d->sim->values->tolerance : 1e-3;
     for (size_t level = 0; level < (size_t)d->sim->values->levels; level++, steps *= 2, tol /= 10) {
@@ -143,8 +143,8 @@ static void add_list(diagram *d, const char *list, bool asked) {
 
 static void report_diagram(const diagram *d) {
     app_json *out = d->sim->self->out;
-    APP_PUT(out, APP_TEXT("system", lg_system_name(d->sim->system), NULL),
-            APP_TEXT("form", lg_system_form(d->sim->system), NULL), APP_REAL("t", d->sim->t_end, NULL));
+    APP_PUT(out, LG_TEXT("system", lg_system_name(d->sim->system), NULL),
+            LG_TEXT("form", lg_system_form(d->sim->system), NULL), LG_REAL("t", d->sim->t_end, NULL));
     APP_OBJECT(out, "reference", LG_AS_TEXT("method", d->reference), LG_AS_REAL("tol", d->tol),
                LG_AS_REAL("error", d->reference_error));
     app_result_line(out,

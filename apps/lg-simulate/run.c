@@ -241,10 +241,10 @@ static void put_gradient(app_json *out, const report *what) {
         app_result_real(out, label, slope->dparameters[i], NULL);
     }
     app_json_close(out, '}');
-    APP_PUT(out, APP_WHOLE("checkpoints", slope->stats.checkpoints, NULL),
-            APP_WHOLE("state_bytes", slope->stats.states_size, NULL),
-            APP_WHOLE("tape_bytes", slope->stats.tape_size, NULL),
-            APP_REAL("gradient_seconds", slope->stats.seconds, NULL));
+    APP_PUT(out, LG_WHOLE("checkpoints", slope->stats.checkpoints, NULL),
+            LG_WHOLE("state_bytes", slope->stats.states_size, NULL),
+            LG_WHOLE("tape_bytes", slope->stats.tape_size, NULL),
+            LG_REAL("gradient_seconds", slope->stats.seconds, NULL));
 }
 
 static void report_run(const report *what) {
@@ -253,33 +253,33 @@ static void report_run(const report *what) {
     const watch *seen = what->seen;
     const lg_scheme *scheme = how->scheme;
     app_json *out = sim->self->out;
-    APP_PUT(out, APP_TEXT("system", lg_system_name(sim->system), NULL),
-            APP_TEXT("form", lg_system_form(sim->system), NULL),
-            LG_AS_TEXT("layout", lg_system_layout(sim->system)), APP_TEXT("method", scheme->name, NULL));
+    APP_PUT(out, LG_TEXT("system", lg_system_name(sim->system), NULL),
+            LG_TEXT("form", lg_system_form(sim->system), NULL),
+            LG_AS_TEXT("layout", lg_system_layout(sim->system)), LG_TEXT("method", scheme->name, NULL));
     if (scheme->kind == LG_SCHEME_SLGI || scheme->kind == LG_SCHEME_IMPLICIT)
         app_result_real(out, "theta", scheme->theta, NULL);
     if (how->control.steps > 0) {
         app_result_real(out, "h", how->t_end / (double)how->control.steps, NULL);
     } else {
-        APP_PUT(out, APP_REAL("rtol", how->control.rtol, NULL),
-                APP_REAL(how->control.atol < 0 ? "atol_of_size" : "atol", fabs(how->control.atol), NULL));
+        APP_PUT(out, LG_REAL("rtol", how->control.rtol, NULL),
+                LG_REAL(how->control.atol < 0 ? "atol_of_size" : "atol", fabs(how->control.atol), NULL));
     }
-    APP_PUT(out, APP_WHOLE("steps", what->run->stats.steps, NULL),
-            APP_WHOLE("rejected", what->run->stats.rejected, NULL),
-            APP_WHOLE("evaluations", what->run->stats.evaluations, "of the field"),
-            APP_REAL("seconds", what->run->seconds, NULL), APP_REAL("t", how->t_end, NULL));
+    APP_PUT(out, LG_WHOLE("steps", what->run->stats.steps, NULL),
+            LG_WHOLE("rejected", what->run->stats.rejected, NULL),
+            LG_WHOLE("evaluations", what->run->stats.evaluations, "of the field"),
+            LG_REAL("seconds", what->run->seconds, NULL), LG_REAL("t", how->t_end, NULL));
     put_state(out, "y", sim, what->path->y + (what->path->count - 1) * sim->dim);
     app_result_named(out, "invariants", "invariant");
     for (size_t i = 0; i < seen->invariants; i++)
         APP_OBJECT(out, lg_system_invariant_name(sim->system, i), LG_AS_REAL("start", seen->start[i]),
                    LG_AS_REAL("end", seen->end[i]), LG_AS_REAL("max_drift", seen->drift[i]));
     app_result_rows_end(out);
-    APP_PUT(out, APP_REAL("manifold_error", seen->manifold, "largest violation of a constraint"),
+    APP_PUT(out, LG_REAL("manifold_error", seen->manifold, "largest violation of a constraint"),
             LG_AS_REAL("max_angle", what->run->stats.max_angle));
     if (sim->scene.projected) app_json_real(out, "projection", sim->scene.projection);
     if (what->slope != NULL) put_gradient(out, what);
     if (sim->values->out != NULL)
-        APP_PUT(out, APP_TEXT("out", sim->values->out, NULL), APP_WHOLE("points", what->path->kept, NULL));
+        APP_PUT(out, LG_TEXT("out", sim->values->out, NULL), LG_WHOLE("points", what->path->kept, NULL));
 }
 
 /* ---- one run ---- */

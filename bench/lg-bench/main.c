@@ -231,14 +231,14 @@ static void report(const bench *b) {
     processor_name(processor, sizeof processor);
     (void)lg_cpu_describe(kernels, sizeof kernels);
     app_json *out = b->app->out;
-    app_result_text(out, "case", b->what->name, b->what->summary);
+    app_json_put(out, LG_TEXT("case", b->what->name, b->what->summary));
     app_json_text(out, "name", b->row[0].name);
     put_row(out, &b->row[0]);
-    app_result_text(out, "dtype", b->dtype == LG_F64 ? "f64" : "f32", NULL);
-    app_result_size(out, "threads", (uint64_t)b->threads, NULL);
-    if (b->core >= 0) app_result_size(out, "core", (uint64_t)b->core, NULL);
-    app_result_text(out, "cpu", processor, NULL);
-    app_result_text(out, "kernels", kernels, NULL);
+    app_json_put(out, LG_TEXT("dtype", b->dtype == LG_F64 ? "f64" : "f32", NULL));
+    app_json_put(out, LG_WHOLE("threads", (uint64_t)b->threads, NULL));
+    if (b->core >= 0) app_json_put(out, LG_WHOLE("core", (uint64_t)b->core, NULL));
+    app_json_put(out, LG_TEXT("cpu", processor, NULL));
+    app_json_put(out, LG_TEXT("kernels", kernels, NULL));
     app_json_text(out, "version", lg_version());
     app_result_rows(out, "rows");
     for (size_t i = 0; i < b->rows; i++) {

@@ -10,7 +10,7 @@
  *   double *work = malloc(lg_system_work_size(system));
  *   lg_system_ode(system, LG_COORDINATES_LIE, &ode, &user, work);   (then lg_stepper_create, integrators.h)
  *
- * A system is an entry of a table (src/mechanics/system.c), found by name and form. docs/simulate.md has the
+ * A system is an entry of a table (src/mechanics/system.h), found by name and form. docs/simulate.md has the
  * equations of each system, its parameters with their keys and their names in gradients, the order of its
  * state and its invariants. The systems are oscillator; quartic; coupled-oscillators; pendulum-chain
  * (lagrangian | hamiltonian); rigid-body; rigid-body-attitude; heavy-top (cotangent | direct | lie-poisson |
@@ -228,8 +228,8 @@ typedef struct lg_at {
 typedef struct lg_energy_row {
     const char *name;
     const lg_parameter_entry *parameters; /* The list ends with a NULL key. */
-    /* Records M, (B, n, n) or (1, n, n) for n velocities. Where all coordinates are directions, n directions
-     * may have (1, n, n) in a machine: M_ij I_3 couples the velocities of two directions. */
+    /* Records M, (B, n, n) or (1, n, n), with a row for each velocity, three for a direction. If all the
+     * coordinates of a machine are directions, M has one row for each: M_ij I_3 couples two of them. */
     lg_var (*mass)(lg_tape *tape, const lg_at *at);
     lg_var (*potential)(lg_tape *tape, const lg_at *at); /* Records V (B, 1). NULL: V = 0. */
     uint32_t count; /* Number of coordinates; 0: any number, all of kind coordinates[0]. */

@@ -65,8 +65,8 @@ LG_BEGIN_DECLS
 #define LG_POLICY_INPUTS      16
 #define LG_POLICY_ERRORS      48 /* most numbers in z */
 #define LG_POLICY_HIDDEN      4
-#define LG_POLICY_GAINS       256 /* most numbers of K in a task */
-#define LG_POLICY_SUBSTEPS    1000
+#define LG_POLICY_GAINS       256  /* most numbers of K in a task */
+#define LG_POLICY_SUBSTEPS    1000 /* most integrator steps in a period */
 
 typedef enum lg_policy_kind { LG_POLICY_LQR, LG_POLICY_NETWORK, LG_POLICY_ENERGY } lg_policy_kind;
 #define LG_POLICY_KIND_COUNT 3

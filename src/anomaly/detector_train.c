@@ -136,8 +136,8 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
 
 /* Chooses the number of windows recorded at once so that their values take at most 1.5 MiB and stay in the
  * L2 cache. Measured on windows of 6 x 300: 8 to 15 windows at once are equally fast; fewer or more are
- * slower. A window puts the input of the network on the tape, and for each block about as many sums,
- * activations and cotangents. */
+ * slower. A window puts the input of the network on the tape, and for each output of a
+ * block about four numbers: sums, activations and their cotangents. */
 size_t lg_detector_chunk(const lg_detector_problem *problem) {
     const size_t limit = ((size_t)3 << 19) / lg_kernels_for(problem->data->dtype)->size;
     const lg_cnn *net = &problem->model->net;

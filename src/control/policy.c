@@ -97,7 +97,7 @@ static lg_status check_task(const lg_policy_task *t, lg_error *error) {
         (uint32_t)t->kind >= LG_POLICY_KIND_COUNT || t->hidden_layers > LG_POLICY_HIDDEN)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the task's sizes are out of range");
     if (t->substeps > LG_POLICY_SUBSTEPS)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "substeps is %u, expected 1 to %d", t->substeps,
+        return lg_fail(error, LG_INVALID_ARGUMENT, "substeps is %u, expected at most %d", t->substeps,
                        LG_POLICY_SUBSTEPS);
     for (uint32_t i = 0; i < t->coordinate_count; i++) {
         const lg_policy_coordinate *c = &t->coordinate[i];

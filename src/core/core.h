@@ -2,6 +2,7 @@
 #ifndef LG_CORE_H
 #define LG_CORE_H
 
+#include <errno.h>
 #include <stdarg.h>
 #include <stdbool.h>
 #include <stddef.h>
@@ -81,6 +82,11 @@ lg_status lg_may_replace(const lg_context *context, const char *path, const void
                          lg_error *error);
 void lg_log_message(const lg_context *context, lg_log_level level, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+
+/* LG_OUT_OF_MEMORY for the number ENOMEM of errno, LG_FILE for all others. */
+static inline lg_status lg_status_of(int code) {
+    return code == ENOMEM ? LG_OUT_OF_MEMORY : LG_FILE;
+}
 
 /* Fills `error` (may be NULL) and returns `status`, so that a function can fail in one statement. */
 lg_status lg_fail(lg_error *error, lg_status status, const char *format, ...)

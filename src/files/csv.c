@@ -3,7 +3,6 @@
 #include "files/csv.h"
 #include "files/h5.h"
 #include "files/read_file.h"
-#include "files/temporary.h"
 
 #include <errno.h>
 #include <inttypes.h>

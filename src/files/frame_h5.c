@@ -126,7 +126,7 @@ static const char *look(const h5_file *h, const char *name, source *s, lg_error 
     char class[LG_FRAME_NAME] = "";
     LG_QUIET;
     LG_ID object = H5Oopen(h->h5->file, name, h->h5->links);
-    if (object < 0) return "cannot be opened: a lost link, or a newer HDF5";
+    if (object < 0) return "is a broken or external link, or of a newer HDF5";
     if (H5Iget_type(object) != H5I_DATASET) return wanted ? "is a group" : "";
     if (strlen(name) >= sizeof s->name) return "has a name of more than 63 bytes";
     if (lg_h5_look(h->h5, name, sizeof(double), &s->about, error) != LG_OK)

@@ -146,7 +146,7 @@ static lg_status open_set(lg_h5 *h5, const char *name, size_t bytes, lg_dataset 
                        lg_shown_path(h5->path), name);
     d->set = H5Oopen(h5->file, name, h5->links);
     if (d->set < 0)
-        return lg_dataset_error(h5, name, "leads nowhere, or is of a newer HDF5: write an array", error);
+        return lg_dataset_error(h5, name, "is a broken or external link, or of a newer HDF5", error);
     if (H5Iget_type(d->set) != H5I_DATASET)
         return lg_dataset_error(h5, name, "is not a data set; write an array under this name", error);
     if (!is_local(d->set))
@@ -229,12 +229,12 @@ static lg_status read_part(lg_h5 *h5, const char *name, const lg_dataset *d, hid
 /* If integers of the file and of memory differ only in sign and byte order, HDF5 reverses the bytes and does
  * not check the range. A number out of range then has the same bits as a number in range, and its highest bit
  * is set. Whether there is such a number. */
-static bool is_reinterpreted(hid_t stored, hid_t memory, const unsigned char *values, uint64_t count) {
+static bool is_out_of_range(hid_t stored, hid_t memory, const unsigned char *values, uint64_t count) {
     const size_t size = H5Tget_size(memory), top = H5Tget_order(memory) == H5T_ORDER_LE ? size - 1 : 0;
-    uint64_t i = H5Tget_class(stored) == H5T_INTEGER && H5Tget_class(memory) == H5T_INTEGER &&
-                         H5Tget_size(stored) == size && H5Tget_sign(stored) != H5Tget_sign(memory)
-                     ? 0
-                     : count;
+    if (H5Tget_class(stored) != H5T_INTEGER || H5Tget_class(memory) != H5T_INTEGER ||
+        H5Tget_size(stored) != size || H5Tget_sign(stored) == H5Tget_sign(memory))
+        return false;
+    uint64_t i = 0;
     while (i < count && (values[i * size + top] & 0x80) == 0) i++;
     return i < count;
 }
@@ -327,7 +327,7 @@ static lg_status read_all(lg_h5 *h5, const char *name, const lg_dataset *d, hid_
     if (memory == H5T_NATIVE_DOUBLE)
         return read_doubles(h5, name, d, H5S_ALL, H5S_ALL, 0, d->count, true, LG_H5_EXACT, out, error);
     LG_TRY(read_part(h5, name, d, memory, H5S_ALL, H5S_ALL, true, out, error));
-    if (!is_reinterpreted(d->type, memory, out, d->count)) return LG_OK;
+    if (!is_out_of_range(d->type, memory, out, d->count)) return LG_OK;
     return lg_dataset_error(h5, name, "cannot be read: a number is out of range", error);
 }
 

@@ -152,7 +152,7 @@ static lg_status refuse(const taking *t, held got, const char *name, lg_error *e
         return lg_fail(error, LG_FILE,
                        "%s: cannot be written: its lock would be %s, but that is not a lock: move it away",
                        target, lock);
-    return lg_fail(error, LG_FILE, "%s: cannot be written: its lock %s: %s", target, lock,
+    return lg_fail(error, lg_status_of(t->code), "%s: cannot be written: its lock %s: %s", target, lock,
                    got == HELD_NEVER ? strerror(t->code) : "is made and removed again and again");
 }
 

@@ -1,11 +1,10 @@
 /* Opening and reading input files. */
-#include <errno.h>
 #include <string.h>
 #include <sys/stat.h>
 
+#include "core/core.h"
 #include "files/h5.h"
 #include "files/read_file.h"
-#include "files/temporary.h"
 
 lg_status lg_read_open(const char *path, FILE **out, uint64_t *bytes, lg_error *error) {
     const char *shown = lg_shown_path(path);

@@ -58,10 +58,6 @@ lg_status lg_refuse_own_name(const char *target, lg_error *error) {
                    lg_shown_path(target));
 }
 
-lg_status lg_status_of(int code) {
-    return code == ENOMEM ? LG_OUT_OF_MEMORY : LG_FILE;
-}
-
 lg_status lg_cannot_write(const char *target, int code, lg_error *error) {
     return lg_fail(error, lg_status_of(code), "%s: cannot be written: %s", lg_shown_path(target),
                    strerror(code));

@@ -32,9 +32,7 @@ int lg_make_temporary(int folder, const char *target, bool is_folder, char name[
 void lg_temporary_remove_all(void);
 /* Writes all bytes, also if the limit RLIMIT_FSIZE is reached. Returns 0 or a number of errno. */
 int lg_write_all(int fd, const void *data, size_t bytes);
-/* The status of a number of errno: LG_OUT_OF_MEMORY or LG_FILE. */
-lg_status lg_status_of(int code);
-/* Fails with this status and the message of a number of errno. */
+/* Fails with lg_status_of(code) and the message of a number of errno. */
 lg_status lg_cannot_write(const char *target, int code, lg_error *error);
 /* fsync; the kinds of files that cannot be synced are no failure. Returns 0 or a number of errno. */
 int lg_sync(int fd);

@@ -26,7 +26,6 @@
  *   R' = hat(omega) R, pi' = omega x pi - sum_j r_j x g_j;  q, p as in a chain;  x' = w, p' = -g.
  *
  * Without lines M is constant in the frame of the body, which saves its factorization for each state. */
-#include <string.h>
 
 #include "core/core.h"
 #include "hamiltonian/internal.h"

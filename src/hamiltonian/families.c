@@ -21,7 +21,7 @@ const lg_hamiltonian_family *lg_hamiltonian_family_find(const char *name) {
     return NULL;
 }
 
-/* Whether the family has the system's states for some n; on R^2n, whether both are separable. */
+/* Whether the family with *n copies has the system's space; on R^2n, whether both are separable. */
 static bool learns(const lg_hamiltonian_family *family, const lg_system *system, size_t *n) {
     const lg_space *space = lg_system_space(system);
     const bool flat = lg_space_is_abelian(space);

@@ -3,7 +3,6 @@
  * by U. */
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
 #include "machine/internal.h"

@@ -1,7 +1,6 @@
 /* Machines: constant biases of sensors. Biases are added to the positions of lines, angles and poses and to
  * the velocities of all coordinates in logs. States and their equations contain no biases. */
 #include <math.h>
-#include <string.h>
 
 #include "liegrad/ops.h"
 #include "machine/internal.h"

@@ -214,6 +214,7 @@ static const double *slopes_of(const lg_chain *c, size_t s, size_t i) {
  * residuals or the Jacobian. */
 static void keep_across(const lg_chain *c, size_t row, size_t columns, double *rows) {
     double along[LG_MACHINE_VELOCITIES];
+    if (c->problem->machine->directions == 0) return;
     lg_machine_along_row(c->problem, row, along);
     for (lg_machine_offsets at = {0}; lg_machine_next(c->problem->machine, &at);)
         for (size_t j = 0; at.directions > 0 && j < columns; j++) {

@@ -26,7 +26,7 @@ typedef struct lg_row_axis {
     uint32_t first; /* index in z of the only number that changes, or of the first of 3 or 9 */
     uint32_t turn;  /* index of the rotation axis, in space for a direction, in the body for a rotation */
     uint32_t coordinate; /* index; 0 for bristles */
-    bool turns;          /* it is an attitude, or the rate of one */
+    bool turns;          /* it is an attitude, or the rate of one; no meaning for bristles */
 } lg_row_axis;
 
 typedef struct lg_row_axes {

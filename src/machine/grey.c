@@ -28,8 +28,7 @@ static const struct {
 
 static lg_status find_system(const char *name, const lg_energy_row **out, lg_error *error) {
     char known[200] = "";
-    for (size_t i = 0; lg_energy_rows[i] != NULL; i++) {
-        *out = lg_energy_rows[i];
+    for (size_t i = 0; (*out = lg_grey_system_at(i)) != NULL; i++) {
         if (strcmp((*out)->name, name) == 0) return LG_OK;
         lg_append(known, sizeof known, "%s%s", i > 0 ? ", " : "", (*out)->name);
     }
@@ -48,6 +47,10 @@ static lg_status check_coordinates(const lg_machine *machine, const lg_energy_ro
     bool fits = machine->coordinate_count > 0 && (any || system->count == machine->coordinate_count);
     for (uint32_t i = 0; i < machine->coordinate_count && fits; i++)
         fits = machine->coordinates[i].kind == system->coordinates[any ? 0 : i];
+    if (fits && machine->directions > 0 && (machine->momenta > 0 || system->moving))
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "%s: a machine's directions must be its only coordinates, with a constant mass",
+                       system->name);
     if (fits) return LG_OK;
     for (uint32_t i = 0; i < (any ? 1 : system->count); i++)
         lg_append(wanted, sizeof wanted, "%s%s", i > 0 ? ", " : "",
@@ -108,10 +111,10 @@ lg_status lg_grey_check(const lg_machine *machine, lg_error *error) {
     bool term = false;
     for (uint32_t i = 0; i < machine->term_count; i++)
         term = term || machine->terms[i].kind == &lg_grey_mass_kind;
-    if (system == NULL && !term) return LG_OK;
-    if (system == NULL || !term)
+    if ((system != NULL) != term)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a machine has either a system and the terms of this system, or neither");
+    if (!term) return LG_OK;
     LG_TRY(check_coordinates(machine, system, error));
     for (const lg_parameter_entry *p = system->parameters; p->key != NULL; p++)
         LG_TRY(check_entry(machine, p, error));
@@ -280,7 +283,7 @@ static lg_at at_of(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_
     const lg_machine *machine = vars->machine;
     const lg_machine_places part = lg_machine_parts(machine);
     lg_at at = {.rows = seen->rows, .parameters = vars->grey};
-    at.size = machine->directions > 0 ? machine->directions : machine->momenta;
+    at.size = machine->directions + machine->momenta; /* one of them is 0 */
     if (seen->parts == NULL) return at;
     at.state = state;
     if (part.x >= 0) *state++ = places_in_logs(tape, machine, seen->parts[part.x]);
@@ -389,7 +392,7 @@ static lg_var initial_mass(lg_tape *tape, const lg_machine *machine) {
 lg_status lg_grey_energy(const lg_machine *machine, double *out) {
     lg_machine plain = *machine;
     double M[LG_MACHINE_VALUES], logs = 0.0;
-    const uint32_t n = machine->momenta > 0 ? machine->momenta : machine->directions;
+    const uint32_t n = machine->momenta + machine->directions;
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     *out = 0.0;
     if (machine->grey.system == NULL) return LG_OK;

@@ -55,8 +55,8 @@ typedef struct lg_machine_seen {
     bool directions; /* record the masses of the directions */
 } lg_machine_seen;
 
-/* A term that is recorded: its index, the number of the machine's velocities, the term's parameters (LG_NONE:
- * none), and what it may depend on. */
+/* A term that is recorded, the term's parameters (LG_NONE: none), and what it may depend on (`seen`; NULL for
+ * lags, biases and lists of numbers). */
 typedef struct lg_term_at {
     lg_tape *tape;
     const lg_machine_vars *vars;

@@ -49,7 +49,7 @@ lg_status lg_machine_move_starts(lg_tape *tape, const lg_machine_problem *proble
     const lg_var a =
         lg_mul(tape, numbers, lg_input_f64(tape, lg_shape2(1, lg_machine_start_numbers(machine)), scale));
     const uint32_t directions = machine->places, rotations = directions + 3 * machine->directions,
-                   first = rotations + 3 * machine->rotations;
+                   first = lg_machine_start_numbers(machine) - machine->velocities;
     const lg_var v = lg_add(tape, velocities, lg_slice(tape, a, 1, first, machine->velocities));
     LG_TRY(lg_machine_record_state(tape, vars, positions, v, parts));
     if (at.x >= 0) parts[at.x] = lg_add(tape, parts[at.x], lg_machine_columns(tape, a, 0, machine->places));

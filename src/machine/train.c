@@ -5,7 +5,7 @@
 #include "autodiff/tape/tape_internal.h"
 #include "core/core.h"
 #include "liegrad/ops.h"
-#include "machine/internal.h"
+#include "machine/chain.h"
 
 /* ---- logged data ---- */
 
@@ -21,7 +21,7 @@ typedef struct points {
 static lg_status begin(lg_tape *tape, const lg_machine_problem *problem, lg_var theta,
                        const uint32_t *samples, size_t count, points *p, lg_machine_vars *vars,
                        lg_machine_flow *flow) {
-    const uint32_t first = lg_machine_starts_estimated(problem) ? 0 : 1;
+    const uint32_t first = lg_chain_first(problem);
     size_t *at = lg_payload_allocate(tape, problem->window * count * sizeof *at);
     if (at == NULL) return lg_tape_status(tape);
     for (size_t i = 0; i < problem->window * count; i++)
@@ -103,9 +103,9 @@ static lg_status predict(lg_tape *tape, const points *p, const lg_machine_flow *
 static lg_status predict_joined(lg_tape *tape, const points *p, const lg_machine_flow *flow, lg_var theta,
                                 lg_var *all) {
     const size_t parts = lg_taped_parts(&flow->space), window = p->problem->window;
-    lg_var *predicted = lg_payload_allocate(tape, (parts + 1) * window * sizeof *predicted),
-           *each = predicted + parts * window;
+    lg_var *predicted = lg_payload_allocate(tape, (parts + 1) * window * sizeof *predicted);
     if (predicted == NULL) return lg_tape_status(tape);
+    lg_var *each = predicted + parts * window;
     LG_TRY(predict(tape, p, flow, theta, predicted));
     for (size_t i = 0; i < parts; i++) {
         for (uint32_t j = 0; j < p->many; j++) each[j] = predicted[(p->first + j) * parts + i];
@@ -206,11 +206,10 @@ static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint
 /* How many logged numbers the training part has, for the prior. */
 static size_t observations(const lg_machine_problem *problem) {
     const lg_machine *machine = problem->machine;
-    const uint32_t first = lg_machine_starts_estimated(problem) ? 0 : 1;
     double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES];
     size_t sum = 0;
     for (size_t w = 0; w < problem->windows - problem->validation; w++)
-        for (uint32_t j = first; j < problem->window; j++) {
+        for (uint32_t j = lg_chain_first(problem); j < problem->window; j++) {
             lg_machine_weigh_row(problem, problem->start[w] + j, 1.0, q, v);
             for (uint32_t i = 0; i < machine->positions; i++) sum += q[i] != 0.0;
             for (uint32_t i = 0; i < machine->velocities; i++) sum += v[i] != 0.0;

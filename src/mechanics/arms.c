@@ -1,4 +1,4 @@
-/* Carts, pendulums and arms of lines and angles: rows of M and V, from which all else follows. */
+/* Carts, pendulums and arms of lines and angles: rows of M and V, of which derived.c makes their fields. */
 #include "mechanics/engine.h"
 #include "mechanics/system.h"
 

@@ -12,7 +12,7 @@
 #include "mechanics/engine.h"
 #include "mechanics/system.h"
 
-/* A state: pairs of a position and its momentum, and what the energies see. */
+/* A state: pairs of a position and its momentum, and the positions on which M and V depend. */
 typedef struct state {
     lg_tape *tape;
     const lg_energy_row *row;
@@ -32,7 +32,7 @@ static int kind_of(const state *s, size_t part) {
     return shape.rank < 3 ? 0 : shape.dims[2] == 3 ? 1 : 2;
 }
 
-/* `copied`: the parts are copies, by which H can be differentiated alone. */
+/* `copied`: the parts are copies, so that dH/dy leaves v and l fixed. */
 static void open_state(lg_tape *tape, const lg_system *system, const lg_var *parts, lg_var parameters,
                        bool copied, state *s) {
     const uint32_t n = (uint32_t)system->space.dim / 2;
@@ -125,12 +125,14 @@ static lg_var record_energy(const lg_system *system, lg_tape *tape, const lg_var
 
 static lg_var taped_energy(const lg_system *system, lg_tape *tape, const lg_var *y, lg_var parameters) {
     state s;
+    if (lg_tape_status(tape) != LG_OK) return LG_NONE;
     return record_energy(system, tape, y, parameters, false, &s);
 }
 
 LG_TAPED_FIELD(taped) {
     state s;
     lg_var dH[LG_TAPED_MAX_PARTS], out[LG_TAPED_MAX_PARTS];
+    LG_TRY(lg_tape_status(tape)); /* after a failure there are no parts */
     const lg_var H = record_energy(system, tape, y, numbers, true, &s);
     LG_TRY(lg_grad(tape, lg_sum(tape, H), s.y, s.parts, dH));
     for (size_t i = 0; i < s.parts; i += 2) {

@@ -9,12 +9,12 @@
 #include "mechanics/system.h"
 
 enum { FIELD, ENERGY, FUNCTIONS };
-enum { VELOCITY, FORCE }; /* of separable systems, in their place */
+enum { VELOCITY, FORCE }; /* of separable systems, with the indices of FIELD and ENERGY */
 
 typedef struct lg_written {
     const char *name, *form; /* of the system */
-    /* From y (of separable systems p, q), parameters and t; NULL: the row has no taped energy. `work`:
-     * doubles that they need. */
+    /* From y (separable systems: p for the velocity, q for the force), parameters and t. NULL: the row has no
+     * taped energy. `work`: doubles that they need. */
     void (*function[FUNCTIONS])(const double *y, const double *parameters, const double *t, double *out,
                                 double *work);
     size_t work;
@@ -81,7 +81,7 @@ lg_status lg_recorded_create(lg_system *system) {
     system->recorded_work = 0;
     memset(system->plan, 0, sizeof system->plan);
     if (row->field[LG_COORDINATES_LIE] != lg_recorded_field && row->force != lg_recorded_force) return LG_OK;
-    for (size_t i = 0; i < LG_COUNT(written) && system->written == NULL; i++)
+    for (size_t i = 0; system->links == 0 && i < LG_COUNT(written) && system->written == NULL; i++)
         if (strcmp(written[i].name, row->name) == 0 &&
             (row->form == NULL || strcmp(written[i].form, row->form) == 0))
             system->written = &written[i];

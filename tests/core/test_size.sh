@@ -104,8 +104,10 @@ seq -f '/* %g */' 50 >src/nn/planted.c
 echo '/* writes planted.c */' >tests/nn/test_planted.c
 sed -i "s:^GENERATED = {:GENERATED = {\"src/nn/planted.c\"\: \"tests/nn/test_planted.c\", :" "$size"
 passes "a generated file"
+echo '/* another file */' >tests/nn/test_planted.c
+fails "a generated file that its test does not name" "src/nn/planted.c is not counted, but tests/nn/test_planted.c does not name it"
 rm tests/nn/test_planted.c
-fails "a generated file without its test" "src/nn/planted.c is generated, but tests/nn/test_planted.c does not compare it"
+fails "a generated file without its test" "src/nn/planted.c is not counted, but tests/nn/test_planted.c does not name it"
 rm src/nn/planted.c
 cp "$root/scripts/size" scripts
 

@@ -399,7 +399,7 @@ TEST("a message about a bad file says what was found and what to do") {
         {NULL, 0, "y0", "there is no column 'y0'; the columns are: x, y, x; /y0 is a single number"},
         {NULL, 0, "cube", "there is no column 'cube'; the columns are: x, y, x; /cube has 3 dimensions"},
         {NULL, 0, "z", "there is no column 'z'; the columns are: x, y, x"},
-        {NULL, 0, "far", "are: x, y, x; /far cannot be opened: a lost link, or a newer HDF5"},
+        {NULL, 0, "far", "are: x, y, x; /far is a broken or external link, or of a newer HDF5"},
         {NULL, 0, "list", "are: x, y, x; /list has neither a number nor a text in each row"},
         {NULL, 0, "words", "are: x, y, x; /words is a matrix, but not of numbers"},
         {NULL, 0, "group", "are: x, y, x; /group is a group"},
@@ -441,10 +441,11 @@ static void keep(void *user, lg_log_level level, const char *message) {
 }
 
 TEST("data sets that are no columns, and a last line that may be cut, are named in one warning") {
-    static const char misfits[] = "left out of the columns: /cube has 3 dimensions, /far cannot be opened: a "
-                                  "lost link, or a newer HDF5, /list has neither a number nor a text in each "
-                                  "row, /lost cannot be opened: a lost link, or a newer HDF5, /words is a "
-                                  "matrix, but not of numbers\n";
+    static const char misfits[] =
+        "left out of the columns: /cube has 3 dimensions, /far is a broken or "
+        "external link, or of a newer HDF5, /list has neither a number nor a text in each "
+        "row, /lost is a broken or external link, or of a newer HDF5, /words is a "
+        "matrix, but not of numbers\n";
     static const struct {
         const char *text; /* NULL: HDF5 */
         size_t bytes;

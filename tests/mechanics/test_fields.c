@@ -2,6 +2,7 @@
  * the file anew with LG_WRITE_PAGES=1. */
 #include "mechanics/system_check.h"
 
+#include <ctype.h>
 #include <stdio.h>
 
 #include "autodiff/program/program.h"
@@ -30,6 +31,11 @@ static void put_code(FILE *out, const char *code, const char *name) {
                                     {"SQRT(", "FIELD_SQRT("},
                                     {"SIN(", "FIELD_SIN("},
                                     {"COS(", "FIELD_COS("},
+                                    {"EXP(", "exp("},
+                                    {"LOG(", "log("},
+                                    {"POW(", "pow("},
+                                    {"FABS(", "fabs("},
+                                    {"ATAN2(", "atan2("},
                                     {"    if (y0 == NULL) y0 = work;\n", ""}};
     for (const char *at = code; *at != '\0';) {
         const char *value = strncmp(at, "    y0[", 7) == 0 ? strstr(at, "] = ") + 4 : NULL;
@@ -46,6 +52,28 @@ static void put_code(FILE *out, const char *code, const char *name) {
             at += strlen(words[i][0]);
         }
     }
+}
+
+/* Fails if the code calls what put_code does not know, such as tanh_of. True if it needs doubles: it has a branch or
+ * calls a function that lanes do not have. */
+static bool needs_doubles(const char *code, const char *name) {
+    static const char *const others[] = {"for", "if", "copy", "REAL"};
+    static const char *const functions[] = {"SQRT", "SIN", "COS", "EXP", "LOG", "POW", "FABS", "ATAN2"};
+    const size_t length = strlen(name);
+    bool plain = strstr(code, " ? ") != NULL;
+    for (const char *at = strchr(code, '('); at != NULL; at = strchr(at + 1, '(')) {
+        const char *begin = at;
+        while (begin > code && (isalnum((unsigned char)begin[-1]) || begin[-1] == '_')) begin--;
+        const size_t size = (size_t)(at - begin);
+        bool known = size == 0 || strncmp(begin, "scalars_", 8) == 0 ||
+                     (strncmp(begin, name, length) == 0 && begin[length] == '_');
+        for (size_t i = 0; i < LG_COUNT(others); i++)
+            known = known || (strlen(others[i]) == size && strncmp(others[i], begin, size) == 0);
+        for (size_t i = 0; i < LG_COUNT(functions); i++)
+            if (strlen(functions[i]) == size && strncmp(functions[i], begin, size) == 0) known = plain = true;
+        if (!known) fail_msg("%s: this test cannot write %.*s()", name, (int)size, begin);
+    }
+    return plain;
 }
 
 static void put_system(FILE *lanes, FILE *others, FILE *list, const lg_system *system) {
@@ -71,7 +99,7 @@ static void put_system(FILE *lanes, FILE *others, FILE *list, const lg_system *s
                *public = strstr(source->code, "\nvoid ");
     assert_non_null(public);
     if (code == NULL || code > public) code = public;
-    const bool plain = energy || strstr(code, " ? ") != NULL || strstr(code, "SIN(") != NULL;
+    const bool plain = needs_doubles(code, name) || energy;
     put_code(plain ? others : lanes, code, name);
     (void)fputc('\n', plain ? others : lanes);
     (void)fprintf(list, " \\\n    {\"%s\", \"%s\", {%s_%s, %s%s%s}, %zu},", lg_system_name(system),

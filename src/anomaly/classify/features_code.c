@@ -29,7 +29,7 @@ typedef double real;
 #include "anomaly/classify/code/features_cov_factor.c"
 #include "anomaly/classify/code/features_deviation_vjp.c"
 
-/* The code of every kind has the same two names, which begin with the kind here. */
+/* The code of each kind defines compute_features and features_vjp; here they are KIND_compute, KIND_vjp. */
 #define JOINED(a, b)     a##b
 #define JOIN(a, b)       JOINED(a, b)
 #define compute_features JOIN(OWN, _compute)

@@ -1,7 +1,6 @@
 #include "autodiff/program/program_call.h"
 
 #include <stdio.h>
-#include <string.h>
 
 #include "autodiff/program/plan.h"
 #include "autodiff/program/program_c.h"

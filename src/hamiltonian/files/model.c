@@ -1,5 +1,4 @@
 /* Learned Hamiltonians as a kind of model: their recipe, which tells how files store them. */
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 

@@ -49,7 +49,7 @@ lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *m
 typedef struct lg_held_out_ratio {
     double ratio;
     bool better, clear; /* clear: it is better, and by more than 5 % */
-    size_t rows;        /* of the windows; set by the caller */
+    size_t rows;        /* length of a window; the caller sets it */
 } lg_held_out_ratio;
 lg_held_out_ratio lg_held_out_compare(size_t count, const double *square, const double *than);
 /* Root of the mean of `square` over the windows that have an error; NaN: none has. */
@@ -98,8 +98,8 @@ lg_status lg_machine_try(const lg_choosing *choosing, const lg_machine_trial *fr
                          lg_error *error);
 void lg_machine_trial_destroy(const lg_choosing *choosing, lg_machine_trial *trial);
 /* What a choice is made of: `write` adds the change of machine i, `compare` compares two machines, of which
- * one beats the other if it is better, or clearly better. If each `follows`, it begins from the parameters of
- * the one before it that left the least of its own windows. */
+ * one beats the other if it is better; with `clearly`, only if it is clearly better. If each `follows`, it
+ * begins from the parameters of the one before it that left the least of its own windows. */
 typedef struct lg_machine_contest {
     size_t count;
     bool follows, clearly;

@@ -214,8 +214,8 @@ static bool is_possible(const search *s, const candidate *c) {
     return !c->told.chance && c->told.ratio < LG_SUGGEST_MOST && !is_dominated(s, c);
 }
 
-/* The possible candidate that leaves least, or one with fewer numbers, or earlier in the table, than which
- * this one is not clearly better. NULL: there is none. */
+/* The possible candidate with the smallest error. Of those that it does not clearly beat, the one with the
+ * fewest parameters is taken, the first in the table of several. NULL: no candidate is possible. */
 static candidate *find_best(search *s) {
     candidate *best = NULL, *simplest = NULL;
     for (size_t i = 0; i < s->count; i++) {
@@ -279,7 +279,7 @@ static void drop_round(search *s) {
 
 /* One round. *more: a candidate was taken. */
 static lg_status play_round(search *s, bool *more, lg_error *error) {
-    static const double small = 0.01; /* runs of the present machine go off by less of the motion */
+    static const double small = 0.01; /* part of the motion: a smaller error of the runs ends the search */
     LG_CLEAN(lg_machine_file_destroy) lg_machine_file file = {.text = NULL};
     candidate *taken = NULL;
     s->first = s->state->suggestion.count;

@@ -13,7 +13,8 @@ bool lg_machine_is_small(const lg_machine *machine) {
     return machine->parameters <= FEW;
 }
 
-enum { STAGE_EPOCHS = 50, WINDOWS_SHARE = 8 }; /* of a fit of short windows */
+/* A fit of short windows: evaluations per round; it takes at most 1/WINDOWS_SHARE of the time. */
+enum { STAGE_EPOCHS = 50, WINDOWS_SHARE = 8 };
 
 /* A short fit, of at most `epochs` evaluations of Levenberg-Marquardt in each of up to 4 rounds and 1/share
  * of the time. Numbers are held near their first values, in proportion to the loss that is left: a number
@@ -108,7 +109,7 @@ enum {
     ENOUGH = 1000, /* intervals for a regression of momenta */
     FINALISTS = 4,
     FEW = 15,  /* evaluations in a round of a candidate's fit */
-    SHARE = 40 /* of a candidate's fit */
+    SHARE = 40 /* a candidate's fit takes at most this part of the time */
 };
 
 typedef enum way {

@@ -9,8 +9,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "core/core.h"
 #include "files/h5_internal.h"
-#include "files/temporary.h"
 
 static const char KIND[] = "ensemble-trajectories";
 

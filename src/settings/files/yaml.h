@@ -64,7 +64,7 @@ yaml_node_t *lg_node_at(lg_yaml *yaml, int index);
 /* Number of items of a list, 0 for another node; item `i`, where another node is its own item. */
 size_t lg_node_length(const yaml_node_t *node);
 const yaml_node_t *lg_node_item(lg_yaml *yaml, const yaml_node_t *node, size_t i);
-/* The value of the key in a mapping; NULL: it has none, or the node is none. `key` ends at its first dot. */
+/* The value of the key, of which the part before its first dot counts; NULL: no such key, or no mapping. */
 const yaml_node_t *lg_node_below(const lg_yaml *yaml, const yaml_node_t *map, const char *key);
 /* The text of a scalar, shorter than `size` bytes and without zero bytes; else NULL. */
 const char *lg_node_text(const yaml_node_t *node, size_t size);
