@@ -572,7 +572,21 @@ TEST("a scene becomes an FMU with tunable parameters") {
     assert_all_close(still, y, 12, 0, 0);
     release(instance);
     assert_int_equal(dlclose(handle), 0);
-    cli_expect("lg-export", "chain.yaml --out no", 2, "--target");
+    export_run("chain.yaml --out code --name m");
+    cli_write("code/run.c",
+              "#include <stdio.h>\n#include \"m.h\"\nint main(void) {\n"
+              "    double x[12] = {0.6, 0, -0.8, 0, 0.1, 0, 0, 0.6, 0.8, 0.2, 0, 0}, next[12], "
+              "work[m_WORK_SIZE];\n"
+              "    const double g = 9.81, m[2] = {1, 1.3}, L[2] = {1, 0.8}, h = 0.01;\n"
+              "    for (int i = 0; i < 20; i++) {\n"
+              "        m_step(x, &g, &m[0], &m[1], &L[0], &L[1], &h, next, work);\n"
+              "        for (int k = 0; k < 12; k++) x[k] = next[k];\n    }\n"
+              "    for (int k = 0; k < 12; k++) printf(\"%.17g\\n\", x[k]);\n    return 0;\n}\n");
+    export_expect(
+        "cd code && make -s test && cc -std=c99 -O1 run.c m.c m_weights.c -lm -o run && ./run >../end");
+    char text[1024], *from = text;
+    cli_read("end", text, sizeof text);
+    for (size_t i = 0; i < 12; i++) assert_close(strtod(from, &from), y[i], 1e-10, 1e-12);
     cli_expect("lg-export", "chain.yaml --out no --target safetensors", 2, "has no parameters");
 }
 
