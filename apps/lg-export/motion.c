@@ -17,7 +17,9 @@ void export_check_scheme(const app *self, const lg_space *space, bool separable,
     if (lg_scheme_check(scheme, &error) != LG_OK) app_stop_usage(self, "%s", error.message);
     const bool flat = lg_space_is_abelian(space);
     const bool lie = scheme->kind == LG_SCHEME_RKMK || scheme->kind == LG_SCHEME_COMMUTATOR_FREE;
-    if ((lie && (flat || !scheme->ambient)) || (scheme->kind == LG_SCHEME_SPLITTING && separable)) return;
+    if (scheme->kind == LG_SCHEME_VARIATIONAL || (lie && (flat || !scheme->ambient)) ||
+        (scheme->kind == LG_SCHEME_SPLITTING && separable))
+        return;
     app_stop_usage(
         self,
         flat ? "%s is not explicit; possible are rk4, cf4 and other explicit schemes or files of the kinds "
@@ -244,12 +246,16 @@ void export_tell_motion(const export_model *m) {
     const lg_scheme *scheme = m->source->options->scheme;
     const size_t evaluations = evaluations_of(m);
     text *about = &m->source->about;
-    if (scheme != NULL)
+    if (scheme == NULL)
+        lg_text_add(about, "step          as the file holds it\n");
+    else if (scheme->kind == LG_SCHEME_VARIATIONAL)
+        lg_text_add(about,
+                    "step          variational, order 2: five steps of Newton's method each; not finite if "
+                    "they do not suffice\n");
+    else
         lg_text_add(about, "step          %s, order %d: %zu evaluation%s of the %s\n", scheme_name(scheme),
                     scheme->order, evaluations, evaluations == 1 ? "" : "s",
                     scheme->kind == LG_SCHEME_SPLITTING ? "force" : "field");
-    else
-        lg_text_add(about, "step          as the file holds it\n");
     if (m->source->condition > 1.0)
         lg_text_add(about,
                     "condition     %.1f: by how much the model multiplies rounding, and the tolerance\n",

@@ -46,6 +46,17 @@ static lg_status step(void *user, lg_tape *tape, const lg_var *theta, const lg_v
     return lg_tape_status(tape);
 }
 
+lg_status lg_program_put_step(lg_program *program, double h_low, double h_high, lg_record_function record,
+                              void *user, lg_error *error) {
+    size_t field, count;
+    LG_TRY(lg_program_find(program, "field", &field, error));
+    const lg_port *of_field = lg_program_inputs(program, field, &count),
+                  h = {.name = "h", .shape = lg_shape1(1), .low = h_low, .high = h_high},
+                  next = {.name = "next"}, in[3] = {of_field[0], count > 1 ? of_field[1] : h, h};
+    const lg_function_spec spec = {"step", in, count + 1, &next, 1, record, user};
+    return lg_program_add_function(program, &spec, error);
+}
+
 lg_status lg_program_add_step(lg_program *program, const lg_space *space, const lg_scheme *scheme,
                               double h_low, double h_high, lg_error *error) {
     size_t field, other, count;
@@ -53,11 +64,6 @@ lg_status lg_program_add_step(lg_program *program, const lg_space *space, const 
     if (scheme == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the scheme is NULL, which lg_scheme_find returns for a name that it does not know");
-    if (scheme->kind == LG_SCHEME_IMPLICIT || scheme->kind == LG_SCHEME_SLGI)
-        return lg_fail(error, LG_UNSUPPORTED,
-                       "%s solves equations in each step, which a program cannot do: take an "
-                       "explicit scheme, such as rk4",
-                       scheme->name);
     if (!isfinite(h_low) || !isfinite(h_high) || h_low > h_high)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "step sizes from %g to %g: expected finite numbers, low <= high", h_low, h_high);
@@ -74,11 +80,7 @@ lg_status lg_program_add_step(lg_program *program, const lg_space *space, const 
                    .inputs = count,
                    .separable = lg_program_find(program, "force", &other, NULL) == LG_OK &&
                                 lg_program_find(program, "drift", &other, NULL) == LG_OK};
-    const lg_port h = {.name = "h", .shape = lg_shape1(1), .low = h_low, .high = h_high},
-                  next = {.name = "next"};
-    const lg_port in[3] = {of_field[0], count > 1 ? of_field[1] : h, h};
-    const lg_function_spec spec = {"step", in, count + 1, &next, 1, step, &r};
-    return lg_program_add_function(program, &spec, error);
+    return lg_program_put_step(program, h_low, h_high, step, &r, error);
 }
 
 static lg_status velocity(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {

@@ -249,6 +249,10 @@ static lg_status check_space(lg_tape *tape, const lg_scheme *scheme, const lg_ta
     const bool flat = scheme->ambient || kind == LG_SCHEME_SPLITTING || kind == LG_SCHEME_IMPLICIT;
     if (kind == LG_SCHEME_VARIATIONAL)
         return refuse(tape, LG_UNSUPPORTED, "a variational scheme cannot be recorded");
+    if (tape->calls != NULL && (kind == LG_SCHEME_IMPLICIT || kind == LG_SCHEME_SLGI))
+        return refuse(tape, LG_UNSUPPORTED,
+                      "the scheme solves equations in each step, which a program cannot do: take an explicit "
+                      "scheme, such as rk4 or cf4");
     if (flat && !lg_space_is_abelian(&ode->space))
         return refuse(tape, LG_UNSUPPORTED, "the scheme is for R^n only, but the space is not R^n");
     if (kind == LG_SCHEME_SPLITTING && !splits(&ode->space))

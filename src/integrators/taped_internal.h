@@ -55,6 +55,9 @@ int lg_taped_invert(size_t n, double *a, double *swaps);
 lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                                  const lg_taped_span *over, const lg_parts *y, lg_parts *out);
 
+/* Adds the function step (x, u, h) -> next; x, and u if it is there, are the inputs of the function field. */
+lg_status lg_program_put_step(lg_program *program, double h_low, double h_high, lg_record_function record,
+                              void *user, lg_error *error);
 /* Adds the functions velocity (x, u) -> x' and jac_velocity, unless the program has them, to a program with
  * the function field (x, u -> algebra element of the space); u may be missing. */
 lg_status lg_program_add_velocity(lg_program *program, const lg_space *space, lg_error *error);
@@ -70,7 +73,8 @@ typedef struct lg_root {
     void (*part)(void *user, int part, int parts);
 } lg_root;
 /* Solves for x near `first` (B, n) by Newton's method. First and second derivatives of *x are exact. Errors
- * with `part` that are not put on the tape (lg_root_failed): LG_NO_CONVERGENCE, LG_NOT_FINITE (at 0). */
+ * with `part` that are not put on the tape (lg_root_failed): LG_NO_CONVERGENCE, LG_NOT_FINITE (at 0). In a
+ * program, without `part`, five steps are recorded; rows that these do not solve become infinite or NaN. */
 lg_status lg_taped_root(lg_tape *tape, const lg_root *root, lg_var first, lg_var *x);
 bool lg_root_failed(lg_status status);
 

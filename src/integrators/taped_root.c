@@ -5,7 +5,10 @@
  *
  * Let x(p) be the solution for the parameters p, with x(p0) = x*. As I - K dr/dx vanishes at (x*, p0), the
  * error x1 - x(p) is of second order in p - p0, and x2 - x(p) is of third order. So the first and second
- * derivatives of x2 with respect to p are exact. */
+ * derivatives of x2 with respect to p are exact.
+ *
+ * A program's numbers are not known while it is recorded. Then five such steps from the first guess are
+ * recorded, each with the inverse at its point. Rows whose last step is not small become infinite or NaN. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -171,21 +174,47 @@ bool lg_root_failed(lg_status status) {
     return status == LG_NO_CONVERGENCE || status == LG_NOT_FINITE;
 }
 
+/* Records K = (J^T J)^-1 J^T with J = dr/dx, (rows, n, n), where r is a function of x on the tape. n is at
+ * most the number of velocities of a machine. */
+static lg_status record_inverse(lg_tape *tape, lg_var r, lg_var x, lg_var *K) {
+    enum { MOST = 64 };
+    const double unit[2 * MOST] = {[MOST] = 1.0};
+    const lg_shape shape = lg_var_shape(tape, x);
+    const uint32_t n = shape.dims[1];
+    lg_var row[MOST];
+    for (uint32_t j = 0; j < n; j++) {
+        const lg_var along =
+            lg_broadcast_to(tape, lg_input_f64(tape, lg_shape2(1, n), unit + MOST - j), shape);
+        LG_TRY(lg_jvp(tape, &r, 1, &x, &along, 1, &row[j]));
+        row[j] = lg_reshape(tape, row[j], lg_shape3(shape.dims[0], 1, n));
+    }
+    const lg_var J = lg_joined(tape, row, n); /* transposed */
+    *K = lg_spd_solve(tape, lg_matmul_nt(tape, J, J), J);
+    return lg_tape_status(tape);
+}
+
 lg_status lg_taped_root(lg_tape *tape, const lg_root *of, lg_var first, lg_var *x) {
     const lg_shape shape = lg_var_shape(tape, first);
+    const bool program = tape->calls != NULL;
     LG_TRY(lg_tape_status(tape));
     newton s = {.tape = tape,
                 .of = of,
                 .rows = shape.dims[0],
                 .n = shape.dims[1],
                 .eps = lg_tape_dtype(tape) == LG_F64 ? DBL_EPSILON : FLT_EPSILON};
-    lg_var inverse;
-    LG_TRY(solution(&s, first, x, &inverse));
-    for (int i = 0; i < 2; i++) {
+    lg_var inverse, change;
+    *x = first;
+    if (!program) LG_TRY(solution(&s, first, x, &inverse));
+    for (int i = 0; i < (program ? 5 : 2); i++) {
         lg_var r;
         LG_TRY(of->equations(of->user, tape, *x, &r));
+        if (program) LG_TRY(record_inverse(tape, r, *x, &inverse));
         const lg_var column = lg_reshape(tape, r, lg_shape3(shape.dims[0], shape.dims[1], 1));
-        *x = lg_sub(tape, *x, lg_reshape(tape, lg_matmul(tape, inverse, column), shape));
+        change = lg_reshape(tape, lg_matmul(tape, inverse, column), shape);
+        *x = lg_sub(tape, *x, change);
     }
+    if (!program) return lg_tape_status(tape);
+    const lg_var moved = lg_max_axis(tape, lg_abs(tape, change), 1, true);
+    *x = lg_div(tape, *x, lg_ge(tape, lg_full(tape, lg_shape2(1, 1), 1e-5 * of->scale), moved));
     return lg_tape_status(tape);
 }

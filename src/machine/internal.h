@@ -414,11 +414,6 @@ lg_status lg_machine_colour(const lg_context *context, size_t count, size_t n, s
 /* The reason, as a sentence, why a machine cannot use LG_SCHEME_VARIATIONAL; NULL if it can. */
 const char *lg_machine_variational_fault(const lg_machine *machine);
 
-/* Moves the bristles in `parts`, if the machine has them, for the time h (B, 1) or (1, 1) with v constant;
- * and sets their part of an algebra element to 0. */
-void lg_machine_move_bristles(lg_tape *tape, const lg_machine_vars *vars, lg_var h, lg_var *parts);
-void lg_machine_hold_bristles(lg_tape *tape, const lg_machine *machine, lg_var *algebra);
-
 /* How to integrate a machine over intervals of logs. Each row of a batch has its own interval length and
  * inputs. */
 typedef struct lg_machine_flow {

@@ -177,11 +177,11 @@ static lg_status momenta(void *user, lg_tape *tape, const lg_var *theta, const l
     return lg_tape_status(tape);
 }
 
-/* ---- steps with lags, bristles and friction that sticks ----
+/* ---- steps with lags, and steps of machine/step.c ----
  *
  * The machine is stepped by the scheme, with the lagged inputs u + (x - u) e^(-t/tau) at each stage, and of a
- * second-order lag u + (x_2 - u + (x_1 - u) t/tau) e^(-t/tau). Bristles move before and after. Where friction
- * sticks, machine/stick.c takes the step. */
+ * second-order lag u + (x_2 - u + (x_1 - u) t/tau) e^(-t/tau). Machines with bristles or with friction that
+ * sticks, and variational steps, take the steps of fits. */
 
 typedef struct lagging {
     const recording *r;
@@ -207,22 +207,7 @@ static lg_status held_field(void *user, lg_tape *tape, lg_taped_time t, const lg
         parts[last] = lagged_after(tape, l, lg_taped_time_rows(tape, t, lg_var_shape(tape, y[0]).dims[0]));
     const lg_var in[2] = {lg_taped_join(tape, &l->r->full, parts), input};
     LG_TRY(lg_taped_split_algebra(tape, &l->r->full, lg_program_call(tape, "field", 0, in), all));
-    lg_machine_hold_bristles(tape, l->r->machine, all);
     for (size_t i = 0; i < last; i++) algebra[i] = all[i];
-    return lg_tape_status(tape);
-}
-
-/* Moves the bristles in `parts`, which are in the log's units, for h/2. */
-static lg_status move_bristles(const recording *r, lg_tape *tape, const lg_machine_vars *vars, lg_var h,
-                               lg_var *parts) {
-    lg_var scaled[LG_TAPED_MAX_PARTS];
-    if (r->machine->bristles == 0) return LG_OK;
-    const lg_var x = lg_taped_join(tape, &r->space, parts),
-                 half = lg_scale(tape, h, 0.5 / r->machine->scales.time);
-    LG_TRY(lg_taped_split(tape, &r->space, times(tape, x, r->state, (uint32_t)r->space.dim, true), scaled));
-    lg_machine_move_bristles(tape, vars, half, scaled);
-    const int z = lg_machine_parts(r->machine).z;
-    parts[z] = times(tape, scaled[z], r->machine->scales.velocity, r->machine->bristles, false);
     return lg_tape_status(tape);
 }
 
@@ -235,30 +220,40 @@ static void begin_lags(const recording *r, lg_tape *tape, const lg_machine_vars 
     l->rate = lg_scale(tape, lg_exp(tape, lg_neg(tape, vars->lag)), 1.0 / r->machine->scales.time);
 }
 
-/* Moves `parts`, which are in the log's units, by h with friction that sticks. Places change by the scaled
- * change times its unit, so that a coordinate that sticks keeps its place to the last bit. */
-static lg_status stick_step(const recording *r, lg_tape *tape, const lg_machine_vars *vars, const lagging *l,
-                            lg_var u, lg_var h, lg_var *parts) {
+/* The scaled inputs u, after their lags, at the time s h. */
+static lg_var input_at(const recording *r, lg_tape *tape, const lagging *l, lg_var u, lg_var h, double s) {
     const lg_machine *machine = r->machine;
-    const lg_machine_places at = lg_machine_parts(machine);
-    const uint32_t dim = (uint32_t)r->space.dim, m = machine->input_count;
-    lg_machine_stick over = {.h = lg_scale(tape, h, 1.0 / machine->scales.time),
-                             .u = {LG_NONE, LG_NONE, LG_NONE}};
-    lg_var scaled[LG_TAPED_MAX_PARTS];
+    const lg_var own = times(tape, u, machine->scales.input, machine->input_count, true);
+    if (machine->lags == 0) return own;
+    const lg_var x = s > 0.0 ? lagged_after(tape, l, lg_scale(tape, h, s)) : l->x;
+    return lg_machine_put_lagged(tape, machine, own,
+                                 times(tape, x, r->state + r->space.dim, machine->lags, true));
+}
+
+/* Moves `parts`, which are in the log's units, by a step of machine/step.c. Inputs after a lag are parabolas.
+ * Places change by the scaled change times its unit, so that a coordinate that sticks keeps its place to the
+ * last bit. */
+static lg_status own_step(const recording *r, lg_tape *tape, const lg_machine_vars *vars, const lagging *l,
+                          lg_var input, lg_var h, lg_var *parts) {
+    const uint32_t dim = (uint32_t)r->space.dim;
+    const int at = lg_machine_parts(r->machine).x;
+    const lg_machine_flow flow = {.vars = vars, .scheme = r->scheme, .substeps = 1, .space = r->space};
+    const double parabola[3][3] = {{1.0, 0.0, 0.0}, {-3.0, 4.0, -1.0}, {2.0, -4.0, 2.0}};
+    lg_var scaled[LG_TAPED_MAX_PARTS], u[4] = {LG_NONE, LG_NONE, LG_NONE, LG_NONE}, in[3], place = LG_NONE;
     LG_TRY(lg_taped_split(tape, &r->space,
                           times(tape, lg_taped_join(tape, &r->space, parts), r->state, dim, true), scaled));
-    for (int i = 0; i < (machine->lags > 0 ? 3 : 1) && m > 0; i++) {
-        over.u[i] = times(tape, u, machine->scales.input, m, true);
-        if (machine->lags == 0) continue;
-        const lg_var x = i == 0 ? l->x : lagged_after(tape, l, lg_scale(tape, h, 0.5 * i));
-        over.u[i] = lg_machine_put_lagged(tape, machine, over.u[i],
-                                          times(tape, x, r->state + dim, machine->lags, true));
-    }
-    const lg_var place = scaled[at.x];
-    LG_TRY(lg_machine_stick_step(tape, vars, &over, scaled));
-    const lg_var moved = lg_sub(tape, scaled[at.x], place);
-    parts[at.x] = lg_add(tape, parts[at.x], times(tape, moved, r->state, machine->places, false));
-    parts[at.m] = times(tape, scaled[at.m], r->state + machine->places, machine->momenta, false);
+    const size_t points = lg_is_none(input) ? 0 : r->machine->lags > 0 ? 3 : 1;
+    for (size_t i = 0; i < points; i++) in[i] = input_at(r, tape, l, input, h, 0.5 * i);
+    for (size_t i = 0; i < points; i++) u[i] = lg_linear_combination(tape, in, parabola[i], points);
+    if (at >= 0) place = scaled[at];
+    LG_TRY(lg_machine_record_interval_of(tape, &flow, u, lg_scale(tape, h, 1.0 / r->machine->scales.time),
+                                         scaled));
+    if (at >= 0)
+        place = lg_add(tape, parts[at],
+                       times(tape, lg_sub(tape, scaled[at], place), r->state, r->machine->places, false));
+    LG_TRY(lg_taped_split(tape, &r->space,
+                          times(tape, lg_taped_join(tape, &r->space, scaled), r->state, dim, false), parts));
+    if (at >= 0) parts[at] = place;
     return lg_tape_status(tape);
 }
 
@@ -275,12 +270,10 @@ static lg_status held_step(void *user, lg_tape *tape, const lg_var *theta, const
     if (r->machine->lags > 0) l.x = parts[last], begin_lags(r, tape, &vars, u, &l);
     const lg_taped_ode ode = {.space = r->space, .field = held_field, .user = &l};
     const lg_taped_interval over = {.h_rows = h, .input = u};
-    LG_TRY(move_bristles(r, tape, &vars, h, parts));
-    if (r->machine->sticks != 0)
-        LG_TRY(stick_step(r, tape, &vars, &l, u, h, parts));
+    if (r->machine->sticks != 0 || r->machine->bristles > 0 || r->scheme->kind == LG_SCHEME_VARIATIONAL)
+        LG_TRY(own_step(r, tape, &vars, &l, u, h, parts));
     else
         LG_TRY(lg_taped_step(tape, r->scheme, &ode, &over, parts, parts));
-    LG_TRY(move_bristles(r, tape, &vars, h, parts));
     if (r->machine->lags > 0) parts[last] = lagged_after(tape, &l, h);
     y[0] = lg_taped_join(tape, &r->full, parts);
     return lg_tape_status(tape);
@@ -310,21 +303,12 @@ static lg_status add_lag(lg_program *program, const recording *r, lg_error *erro
 
 static lg_status add_step(lg_program *program, const recording *r, lg_error *error) {
     const double low = 0.001 * r->machine->scales.time, high = 0.05 * r->machine->scales.time;
-    size_t field_at, count;
-    if (r->machine->lags == 0 && r->machine->bristles == 0 && r->machine->sticks == 0)
+    const char *fault = lg_machine_variational_fault(r->machine);
+    const bool variational = r->scheme->kind == LG_SCHEME_VARIATIONAL;
+    if (variational && fault != NULL) return lg_fail(error, LG_UNSUPPORTED, "%s", fault);
+    if (!variational && r->machine->lags == 0 && r->machine->bristles == 0 && r->machine->sticks == 0)
         return lg_program_add_step(program, &r->space, r->scheme, low, high, error);
-    if (r->scheme->kind == LG_SCHEME_IMPLICIT || r->scheme->kind == LG_SCHEME_SLGI)
-        return lg_fail(
-            error, LG_UNSUPPORTED,
-            "%s solves equations in each step, which a program cannot do: take an explicit scheme, "
-            "such as cf4",
-            r->scheme->name);
-    LG_TRY(lg_program_find(program, "field", &field_at, error));
-    const lg_port *of_field = lg_program_inputs(program, field_at, &count);
-    const lg_port h = {.name = "h", .shape = lg_shape1(1), .low = low, .high = high}, next = {.name = "next"};
-    const lg_port in[3] = {of_field[0], count > 1 ? of_field[1] : h, h};
-    const lg_function_spec spec = {"step", in, count + 1, &next, 1, held_step, (void *)(uintptr_t)r};
-    return lg_program_add_function(program, &spec, error);
+    return lg_program_put_step(program, low, high, held_step, (void *)(uintptr_t)r, error);
 }
 
 /* ---- the bundle ---- */
@@ -374,11 +358,6 @@ lg_status lg_machine_program(const lg_context *context, const lg_machine *machin
                    .scheme = scheme != NULL ? scheme : lg_scheme_find("cf4"),
                    .seen = lagged ? machine->lags : 0};
     LG_CLEAN(lg_program_destroy_at) lg_program *made = NULL;
-    if (scheme != NULL && scheme->kind == LG_SCHEME_VARIATIONAL)
-        return lg_fail(error, LG_UNSUPPORTED,
-                       "%s finds its step by iteration, which a program cannot do; take cf4, rkmk4 or "
-                       "another explicit Lie group scheme",
-                       scheme->name);
     LG_TRY(lg_machine_space(machine, &r.space));
     LG_TRY(lg_machine_full_space(machine, &r.full));
     fill_state(&r);

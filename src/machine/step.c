@@ -80,7 +80,8 @@ static lg_status field(void *user, lg_tape *tape, lg_taped_time t, const lg_var 
     lg_space space;
     const lg_var u = input_at(tape, over, t.value / over->length);
     LG_TRY(lg_machine_record_field(tape, over->vars, y, u, algebra));
-    lg_machine_hold_bristles(tape, over->vars->machine, algebra);
+    const int z = lg_machine_parts(over->vars->machine).z; /* of the bristles, which move by themselves */
+    if (z >= 0) algebra[z] = lg_scale(tape, algebra[z], 0.0);
     if (lg_is_none(over->h)) return lg_tape_status(tape);
     LG_TRY(lg_machine_space(over->vars->machine, &space));
     for (size_t i = 0; i < lg_taped_parts(&space); i++) {
@@ -138,12 +139,8 @@ static lg_var lengths(lg_tape *tape, const lg_machine *machine, const lg_machine
     return h;
 }
 
-void lg_machine_hold_bristles(lg_tape *tape, const lg_machine *machine, lg_var *algebra) {
-    const int z = lg_machine_parts(machine).z;
-    if (z >= 0) algebra[z] = lg_scale(tape, algebra[z], 0.0);
-}
-
-void lg_machine_move_bristles(lg_tape *tape, const lg_machine_vars *vars, lg_var h, lg_var *parts) {
+/* Moves the bristles in `parts`, if the machine has them, for the time h (B, 1) or (1, 1) with v constant. */
+static void move_bristles(lg_tape *tape, const lg_machine_vars *vars, lg_var h, lg_var *parts) {
     const int z = lg_machine_parts(vars->machine).z;
     if (z < 0) return;
     const lg_var v = lg_machine_record_rates(tape, vars, parts);
@@ -158,10 +155,10 @@ static lg_status scheme_steps(lg_tape *tape, const lg_machine_flow *flow, interv
     const bool same = lg_is_none(over->h);
     const lg_var half = same ? lg_full(tape, lg_shape2(1, 1), h / 2) : lg_scale(tape, over->h, h / 2);
     for (uint32_t i = 0; i < flow->substeps; i++) {
-        lg_machine_move_bristles(tape, flow->vars, half, parts);
+        move_bristles(tape, flow->vars, half, parts);
         LG_TRY(lg_taped_step(tape, flow->scheme, &ode, &(lg_taped_interval){.t = {.value = i * h}, .h = h},
                              parts, parts));
-        lg_machine_move_bristles(tape, flow->vars, half, parts);
+        move_bristles(tape, flow->vars, half, parts);
     }
     return lg_tape_status(tape);
 }
@@ -196,9 +193,9 @@ static lg_status stick_steps(lg_tape *tape, const lg_machine_flow *flow, interva
     for (uint32_t i = 0; i < flow->substeps; i++) {
         for (int j = 0; j < (held ? 1 : 3) && !lg_is_none(over->u[0]); j++)
             step.u[j] = input_at(tape, over, (i + 0.5 * j) / n);
-        lg_machine_move_bristles(tape, flow->vars, lg_scale(tape, step.h, 0.5), parts);
+        move_bristles(tape, flow->vars, lg_scale(tape, step.h, 0.5), parts);
         LG_TRY(lg_machine_stick_step(tape, flow->vars, &step, parts));
-        lg_machine_move_bristles(tape, flow->vars, lg_scale(tape, step.h, 0.5), parts);
+        move_bristles(tape, flow->vars, lg_scale(tape, step.h, 0.5), parts);
     }
     return lg_tape_status(tape);
 }

@@ -657,11 +657,15 @@ TEST("masses without an inverse are refused") {
 
 /* test_refused has the schemes that are refused. */
 TEST("schemes that stay on the manifold are accepted") {
-    for (int i = 0; i < 2; i++) {
-        example of = *(const example *)export_find(&motions, i == 0 ? "cart" : "body");
-        of.row.scheme = i == 0 ? "rk4" : "lie-euler";
+    static const struct {
+        const char *model, *scheme;
+        int evaluations;
+    } rows[] = {{"cart", "rk4", 4}, {"body", "lie-euler", 1}, {"top", "variational", 0}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        example of = *(const example *)export_find(&motions, rows[i].model);
+        of.row.scheme = rows[i].scheme;
         const exported *e = export_made(&motions, &of, "f64", "");
-        assert_int_equal((int)export_constant(e->folder, "m", "STEP_EVALUATIONS"), i == 0 ? 4 : 1);
+        assert_int_equal((int)export_constant(e->folder, "m", "STEP_EVALUATIONS"), rows[i].evaluations);
         export_expect(test_text("make -C %s test CFLAGS=-O1", e->folder));
     }
 }

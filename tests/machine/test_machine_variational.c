@@ -1,6 +1,7 @@
 /* Variational steps of machines: their order, what they preserve, and learning with them.
  * ctest-labels: src/machine */
 #include "support/machine_support.h"
+#include "support/plan_support.h"
 
 /* ---- runs ---- */
 
@@ -411,9 +412,67 @@ TEST("a biased gyroscope shows the same motion with its bias added") {
     }
 }
 
-TEST("masses that depend on the state are refused with a message, and so are exported steps") {
-    const lg_machine moving = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS),
-                     still = pendulum(false);
+/* ---- the program ---- */
+
+/* Steps of the program with held inputs against the runs of fits, which iterate until rounding is reached. */
+static void check_program(const lg_machine *machine, double h, double *next) {
+    enum { STEPS = 5 };
+    const double *theta = machine_theta(machine, 5);
+    lg_program *program = NULL;
+    assert_told(
+        lg_machine_program(NULL, machine, theta, lg_scheme_find("variational"), false, &program, &told));
+    lg_test_owns(program, release_program);
+    const ready step = make_ready(program, "step", 1, LG_F64),
+                momenta = make_ready(program, "momenta", 1, LG_F64),
+                positions = make_ready(program, "positions", 1, LG_F64),
+                velocities = make_ready(program, "velocities", 1, LG_F64);
+    const size_t first[2] = {0, STEPS + 1}, start = 0, m = machine->input_count;
+    double t[STEPS + 1], *q = TEST_ARRAY(double, (STEPS + 1) * machine->positions),
+                         *v = TEST_ARRAY(double, (STEPS + 1) * machine->velocities),
+                         *u = inputs_over(machine, STEPS + 1), got[LG_MACHINE_POSITIONS];
+    random_rows(machine, 21, 1, q, v);
+    for (size_t i = 0; i <= STEPS; i++) t[i] = h * (double)i;
+    for (size_t i = 0; i < (STEPS + 1) * 4 * m; i++) u[i] *= i % (4 * m) < m;
+    const lg_machine_log log = {STEPS + 1, 1, first, t, q, v, u, NULL, NULL, NULL};
+    double *run_q = TEST_ARRAY(double, (STEPS + 1) * machine->positions),
+           *run_v = TEST_ARRAY(double, (STEPS + 1) * machine->velocities);
+    assert_told(lg_machine_free_run(NULL, machine, theta, lg_scheme_find("variational"), 1, &log, &start, 1,
+                                    STEPS, run_q, run_v, &told));
+    lg_plan_eval(momenta.plan, (const void *const[]){q, v}, (void *const[]){next}, momenta.work);
+    for (size_t i = 1; i <= STEPS; i++) {
+        const void *const in[] = {next, m > 0 ? (const void *)(u + 4 * m * (i - 1)) : &h, &h};
+        lg_plan_eval(step.plan, in, (void *const[]){next}, step.work);
+        lg_plan_eval(positions.plan, (const void *const[]){next}, (void *const[]){got}, positions.work);
+        assert_all_close(got, run_q + i * machine->positions, machine->positions, 1e-10, 1e-11);
+        lg_plan_eval(velocities.plan, (const void *const[]){next}, (void *const[]){got}, velocities.work);
+        assert_all_close(got, run_v + i * machine->velocities, machine->velocities, 1e-10, 1e-11);
+    }
+}
+
+TEST("the step of a program is that of fits, for every kind of coordinate; a step that is too long is not "
+     "finite") {
+    double next[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES];
+    for (int kind = 0; kind < LG_COORDINATE_KIND_COUNT; kind++)
+        for (int forced = 0; forced < 2; forced++) {
+            const lg_machine machine = single((lg_coordinate_kind)kind, forced == 1);
+            check_program(&machine, 0.02, next);
+        }
+    const lg_machine all = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "constant"), LG_MACHINE_MASS);
+    check_program(&all, 0.02, next);
+    const lg_machine body = top(NULL);
+    lg_program *program = NULL;
+    assert_told(lg_machine_program(NULL, &body, NULL, lg_scheme_find("variational"), false, &program, &told));
+    lg_test_owns(program, release_program);
+    const ready step = make_ready(program, "step", 1, LG_F64);
+    const double x[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 40, -30, 20}, h[2] = {0.01, 1};
+    lg_plan_eval(step.plan, (const void *const[]){x, &h[0]}, (void *const[]){next}, step.work);
+    for (int i = 0; i < 12; i++) assert_true(isfinite(next[i]));
+    lg_plan_eval(step.plan, (const void *const[]){x, &h[1]}, (void *const[]){next}, step.work);
+    assert_false(isfinite(next[0]));
+}
+
+TEST("masses that depend on the state are refused with a message, in exported steps, too") {
+    const lg_machine moving = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
     lg_error error = {LG_OK, ""};
     double q0[LG_MACHINE_POSITIONS], v0[LG_MACHINE_VELOCITIES];
     random_rows(&moving, 2, 1, q0, v0);
@@ -427,10 +486,10 @@ TEST("masses that depend on the state are refused with a message, and so are exp
     assert_status(lg_machine_problem_check(&l->problem, &error), LG_UNSUPPORTED);
     assert_says(error.message, "masses that do not depend on the state");
     lg_program *program;
-    assert_status(lg_machine_program(NULL, &still, machine_theta(&still, 1), lg_scheme_find("variational"),
-                                     false, &program, &error),
-                  LG_UNSUPPORTED);
-    assert_says(error.message, "by iteration");
+    assert_status(
+        lg_machine_program(NULL, &moving, r.theta, lg_scheme_find("variational"), false, &program, &error),
+        LG_UNSUPPORTED);
+    assert_says(error.message, "masses that do not depend on the state");
     lg_machine chain = empty_machine();
     add_coordinate(&chain, "q1", LG_COORDINATE_DIRECTION);
     add_coordinate(&chain, "q2", LG_COORDINATE_DIRECTION);

@@ -163,36 +163,24 @@ static double size_of(const classifier_job *j, size_t i) {
     }
 }
 
-/* Returns whether the path through the tree is safe from rounding errors: no comparison on it is closer than
- * a margin. */
-static bool is_decided(const classifier_job *j, const double *p) {
-    const lg_tree *tree = &j->c->tree;
-    double margin = 0;
-    if (j->c->method != LG_METHOD_TREE) return true;
-    for (size_t i = 0; i < j->d; i++) margin = fmax(margin, 1 + size_of(j, i) / j->c->pca.scale[i]);
-    margin *= 64 * export_eps(j->source->options) * sqrt((double)j->d);
-    for (uint32_t i = 0; tree->node[i].left != 0;) {
-        const lg_tree_node *node = &tree->node[i];
-        if (fabs(p[node->feature] - node->threshold) <= margin * (1 + fabs(node->threshold))) return false;
-        i = p[node->feature] <= node->threshold ? node->left : node->right;
-    }
-    return true;
-}
-
-/* Returns whether the Jacobian is safe from rounding errors. If the channels of a window nearly depend on
- * each other, the Jacobian of its features multiplies rounding errors by more than the tolerance allows (for
- * COV by the ratio of the covariance's largest and smallest eigenvalues). This is measured: about half of the
- * samples are moved to the next float. */
-static bool is_steady(drawing *d, const double *jacobian) {
+/* Returns whether the results y and Jacobian are safe from rounding errors. If the channels of a window
+ * nearly depend on each other, the Jacobian of its features multiplies rounding errors by more than the
+ * tolerance allows (for COV by the ratio of the covariance's largest and smallest eigenvalues); a tree may
+ * decide otherwise. This is measured: about half of the samples are moved to the next float, for trees to the
+ * 64th. */
+static bool is_steady(drawing *d, const double *y, const double *jacobian) {
     /* Largest accepted change, in units of depth * condition * FLT_EPSILON. Code in double precision rounds
      * to 1e-16, which changes the Jacobian less than this move of the samples does. */
     enum { MOST_GROWTH = 100 };
     const classifier_job *j = d->j;
     const size_t inputs = j->source->inputs, size = j->outputs * inputs;
+    const bool tree = j->c->method == LG_METHOD_TREE;
     double change = 0, length = 0;
     for (size_t i = 0; i < inputs; i++)
-        if (lg_rng_uniform(&d->rng) < 0.5) d->window[i] = nextafterf(d->window[i], INFINITY);
+        if (lg_rng_uniform(&d->rng) < 0.5)
+            d->window[i] += (tree ? 64 : 1) * (nextafterf(d->window[i], INFINITY) - d->window[i]);
     if (!decide_with_jacobian(d, d->moved, d->moved + j->outputs)) return false;
+    if (tree) return memcmp(d->moved, y, j->outputs * sizeof *y) == 0;
     for (size_t i = 0; i < size; i++) {
         change += pow(d->moved[j->outputs + i] - jacobian[i], 2);
         length += jacobian[i] * jacobian[i];
@@ -250,24 +238,9 @@ static bool draw(drawing *d, size_t v, double spread, const double *size) {
         golden->further[1].values[v * j->d + i] = d->feature[i] * size[i];
     lg_classifier_score(j->c, d->feature, score, d->work);
     score[j->c->classes] = lg_metrics_class(score, j->c->classes);
-    lg_pca_eval(&j->c->pca, d->feature, 1, d->made, d->work);
-    return export_window_clear(score, j->c->classes) && is_decided(j, d->made) &&
-           (j->c->features.kind != LG_FEATURES_COV || is_steady(d, jacobian));
-}
-
-/* Returns whether the self-test compares features, in units of their own size. RAW features are the window
- * itself and need no comparison. */
-static bool compares_features(const classifier_job *j) {
-    return j->c->features.kind != LG_FEATURES_RAW;
-}
-
-static void add_test(const classifier_job *j, const double *size) {
-    if (!compares_features(j)) {
-        export_test_code(j->source, "test_detector");
-        return;
-    }
-    export_reals(j->source, &j->source->test, "feature_size", size, j->d);
-    export_test_code(j->source, "test_classifier");
+    return export_window_clear(score, j->c->classes) &&
+           ((j->c->features.kind != LG_FEATURES_COV && j->c->method != LG_METHOD_TREE) ||
+            is_steady(d, y, jacobian));
 }
 
 void classifier_golden(const classifier_job *j) {
@@ -284,7 +257,8 @@ void classifier_golden(const classifier_job *j) {
     bool drawn = true;
     for (size_t i = 0; i < j->d; i++)
         size[i] = export_round(j->source->options, 1 / (fabs(c->pca.mean[i]) + c->pca.scale[i]));
-    const size_t features = compares_features(j) ? j->d : 0;
+    /* The self-test compares features, in units of their own size. RAW features are the window itself. */
+    const size_t features = c->features.kind != LG_FEATURES_RAW ? j->d : 0;
     export_window_golden(j->source, c->classes + 1 + features);
     (void)export_golden_further(j->source, c->classes + 1, "scores, class");
     (void)export_golden_further(j->source, features, features > 0 ? "scores, class, features" : NULL);
@@ -295,7 +269,8 @@ void classifier_golden(const classifier_job *j) {
         for (int attempt = 0; attempt < 30 && !draw(&d, v, attempt < 20 ? 1 : 0.1, size); attempt++) continue;
     for (size_t i = 0; i < j->source->golden.count * j->outputs; i++)
         drawn = drawn && isfinite(j->source->golden.y[i]);
-    add_test(j, size);
+    if (features > 0) export_reals(j->source, &j->source->test, "feature_size", size, features);
+    export_test_code(j->source, features > 0 ? "test_classifier" : "test_detector");
     if (!drawn)
         app_stop(j->self, LG_FILE, "%s: windows like those of the training data have no finite decision",
                  j->source->options->file);
