@@ -17,9 +17,7 @@ void export_check_scheme(const app *self, const lg_space *space, bool separable,
     if (lg_scheme_check(scheme, &error) != LG_OK) app_stop_usage(self, "%s", error.message);
     const bool flat = lg_space_is_abelian(space);
     const bool lie = scheme->kind == LG_SCHEME_RKMK || scheme->kind == LG_SCHEME_COMMUTATOR_FREE;
-    if (scheme->kind == LG_SCHEME_VARIATIONAL || (lie && (flat || !scheme->ambient)) ||
-        (scheme->kind == LG_SCHEME_SPLITTING && separable))
-        return;
+    if ((lie && (flat || !scheme->ambient)) || (scheme->kind == LG_SCHEME_SPLITTING && separable)) return;
     app_stop_usage(
         self,
         flat ? "%s is not explicit; possible are rk4, cf4 and other explicit schemes or files of the kinds "

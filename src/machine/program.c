@@ -238,8 +238,8 @@ static lg_status own_step(const recording *r, lg_tape *tape, const lg_machine_va
     const uint32_t dim = (uint32_t)r->space.dim;
     const int at = lg_machine_parts(r->machine).x;
     const lg_machine_flow flow = {.vars = vars, .scheme = r->scheme, .substeps = 1, .space = r->space};
-    const double parabola[3][3] = {{1.0, 0.0, 0.0}, {-3.0, 4.0, -1.0}, {2.0, -4.0, 2.0}};
-    lg_var scaled[LG_TAPED_MAX_PARTS], u[4] = {LG_NONE, LG_NONE, LG_NONE, LG_NONE}, in[3], place = LG_NONE;
+    const double parabola[3][3] = {{1.0}, {-3.0, 4.0, -1.0}, {2.0, -4.0, 2.0}};
+    lg_var scaled[LG_TAPED_MAX_PARTS], u[4] = {LG_NONE, LG_NONE, LG_NONE, LG_NONE}, in[3], place;
     LG_TRY(lg_taped_split(tape, &r->space,
                           times(tape, lg_taped_join(tape, &r->space, parts), r->state, dim, true), scaled));
     const size_t points = lg_is_none(input) ? 0 : r->machine->lags > 0 ? 3 : 1;

@@ -317,7 +317,7 @@ TEST("recordings that depend on numbers or on the number of rows are refused, wi
         {put_back, LG_UNSUPPORTED, .words = {"'f'", "used by mul", "friction", "values differ"}},
         {weight_put_back, LG_UNSUPPORTED, .words = {"used by mul", "values differ"}},
         {closed_over, LG_UNSUPPORTED, .words = {"used by sub", "values differ", "declare it as an input"}},
-        {implicit, LG_UNSUPPORTED, .words = {"implicit stage", "values differ"}},
+        {implicit, LG_UNSUPPORTED, .words = {"solves equations in each step"}},
         {attribute, LG_UNSUPPORTED, .words = {"operation scale", "depends on values"}},
         {coefficients, LG_UNSUPPORTED, .words = {"operation combine", "coefficients"}},
         {quadratic, LG_UNSUPPORTED, .words = {"not affine in the number of rows"}},

@@ -20,6 +20,9 @@ typedef struct lg_gradcheck_case {
     /* NULL: the function can become a program. Otherwise lg_program_build must reject it, with a message that
      * contains this text. */
     const char *no_program;
+    /* true: a program takes a fixed number of Newton steps where the function iterates, so values agree to
+     * rounding, not to the last bit. */
+    bool rounded;
 } lg_gradcheck_case;
 
 /* Case `index` = 0, 1, ... of a table with every operation, in every variant of shapes that matters. NULL

@@ -29,6 +29,7 @@ typedef struct check {
     lg_plan *plan[FUNCTIONS], *planted[FUNCTIONS];
     lg_plant *planting; /* NULL: none */
     lg_rng rng;
+    bool rounded;   /* of the case */
     lg_shape shape; /* shape of the output */
     /* Offsets of the inputs in x and d; elements of the output; elements of each function's result. */
     size_t at[MOST + 1], outputs, count[FUNCTIONS];
@@ -245,7 +246,8 @@ static lg_status check_point(check *k) {
     LG_TRY(draw_point(k));
     LG_TRY(recorded(k, k->truth));
     LG_TRY(applied(k, k->got));
-    if (memcmp(k->got, k->truth, all * sizeof *k->got) != 0)
+    if (k->rounded) LG_TRY(compare(k, k->got));
+    if (!k->rounded && memcmp(k->got, k->truth, all * sizeof *k->got) != 0)
         return failed(k, "the result of lg_program_record has other bits than the original recording",
                       "recording", lg_largest(k->got, all), lg_largest(k->truth, all));
     LG_TRY(run_plans(k, k->plan, k->got));
@@ -308,6 +310,7 @@ static lg_status check_refusal(check *k, const lg_gradcheck_case *test, lg_statu
 
 static lg_status run(check *k, const lg_gradcheck_case *test) {
     lg_error error = {.message = ""};
+    k->rounded = test->rounded;
     lg_status status = build_program(k, &error);
     if (test->no_program != NULL) return check_refusal(k, test, status, &error);
     if (status == LG_OK) status = derive(k, &error);

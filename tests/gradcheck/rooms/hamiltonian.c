@@ -140,8 +140,8 @@ static void add_loss(const lg_hamiltonian *model, const lg_scheme *scheme, doubl
     if (lg_hamiltonian_problem_check(&problem, NULL) != LG_OK) return;
     settings *s = add(model, LOSS, scheme->name);
     s->scheme = scheme, s->penalty = penalty, s->form = form, s->integral = integral;
-    if (scheme->kind == LG_SCHEME_IMPLICIT) cases[rows - 1].no_program = "implicit stage";
-    if (scheme->kind == LG_SCHEME_VARIATIONAL) cases[rows - 1].no_program = "a constant";
+    if (scheme->kind == LG_SCHEME_IMPLICIT) cases[rows - 1].no_program = "solves equations";
+    cases[rows - 1].rounded = scheme->kind == LG_SCHEME_VARIATIONAL;
     if (penalty == 0) return;
     (void)strcat(s->name, form == LG_PENALTY_MEAN_SQUARE ? ", penalty on " : ", published penalty on ");
     (void)strcat(s->name, integral->name);

@@ -275,7 +275,7 @@ static const lg_gradcheck_function *function_of(const lg_scheme *scheme) {
 static lg_gradcheck_case complete(const lg_gradcheck_function *function, made_row *own) {
     const lg_scheme_kind kind = own->settings.scheme.kind;
     lg_gradcheck_case row = {.function = *function};
-    if (kind == LG_SCHEME_IMPLICIT || kind == LG_SCHEME_SLGI) row.no_program = "implicit stage";
+    if (kind == LG_SCHEME_IMPLICIT || kind == LG_SCHEME_SLGI) row.no_program = "solves equations";
     row.function.name = own->name;
     row.function.user = &own->settings;
     return row;
