@@ -2,6 +2,7 @@
  * linearisation. They use functions of the model's program; code/hamiltonian and code/machine hold the code
  * around these functions. */
 
+#include <math.h>
 #include <string.h>
 
 #include "lg-export/faces.h"
@@ -175,7 +176,10 @@ static lg_status motion_golden(export_model *m) {
                                                         : lg_rng_uniform_in(&m->rng, -1.0, 1.0));
     LG_TRY(evaluate(m, "field", NULL, field, m->algebra));
     m->h = golden_step(m, field);
-    LG_TRY(evaluate(m, "step", NULL, next, m->dim));
+    for (int halved = 0; halved < 10; halved++, m->h *= 0.5) { /* variational steps may be too long */
+        LG_TRY(evaluate(m, "step", NULL, next, m->dim));
+        if (isfinite(export_squares(source->options, next, source->golden.count * m->dim))) break;
+    }
     export_real(source, &source->test, "golden_step", m->h);
     export_reals(source, &source->test, "golden_input", m->input, m->forces > 0 ? m->forces : 1);
     export_test_code(source, "test_motion");
@@ -246,10 +250,8 @@ void export_tell_motion(const export_model *m) {
     text *about = &m->source->about;
     if (scheme == NULL)
         lg_text_add(about, "step          as the file holds it\n");
-    else if (scheme->kind == LG_SCHEME_VARIATIONAL)
-        lg_text_add(about,
-                    "step          variational, order 2: five steps of Newton's method each; not finite if "
-                    "they do not suffice\n");
+    else if (evaluations == 0)
+        lg_text_add(about, "step          %s, order %d\n", scheme_name(scheme), scheme->order);
     else
         lg_text_add(about, "step          %s, order %d: %zu evaluation%s of the %s\n", scheme_name(scheme),
                     scheme->order, evaluations, evaluations == 1 ? "" : "s",

@@ -609,11 +609,13 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
  * lagged inputs (liegrad/policy.h), q of `momenta` and `positions` consists of the positions, then the lagged
  * inputs, and a machine with lags has a further function
  *   lag        (a, u, h) -> next  the lagged inputs a after the time h in which u is held
- * Momenta have the unit of dL/dv. Scales are constants of the program. With LG_SCHEME_VARIATIONAL five steps
+ * Momenta have the unit of dL/dv. Scales are constants of the program. With LG_SCHEME_VARIATIONAL six steps
  * of Newton's method solve each implicit equation; where the last one moves the scaled velocities by more
- * than 1e-5, the result is not finite. With bristles and a lag, `step` takes lagged inputs as parabolas.
- * Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit scheme; a classical scheme if there are
- * directions or rotations; LG_SCHEME_VARIATIONAL for a machine that it does not fit). */
+ * than 1e-5 of 1 and the largest, the result is not finite. With bristles and a lag, `step` takes lagged
+ * inputs as parabolas, which is exact where stages are at 0, h/2 and h (rk4, cf4, rkmk4).
+ * Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit scheme, but where friction sticks: such a
+ * step has no scheme; a classical scheme if there are directions or rotations; LG_SCHEME_VARIATIONAL for a
+ * machine that it does not fit). */
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
                                     const lg_scheme *scheme, bool lagged, lg_program **out, lg_error *error);
 

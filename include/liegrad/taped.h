@@ -24,7 +24,8 @@
  * (LG_SCHEME_IMPLICIT, LG_SCHEME_SLGI) are an exception: they find their stage with plain numbers and
  * record two Newton corrections there, whose first and second derivatives are exact; higher derivatives
  * are not. lg_stepper_step and lg_taped_step agree to rounding for every scheme that can be recorded.
- * LG_SCHEME_VARIATIONAL, dense output and error estimates cannot be recorded. */
+ * LG_SCHEME_VARIATIONAL, dense output and error estimates cannot be recorded; implicit schemes cannot be
+ * recorded in a program (liegrad/program.h). */
 #ifndef LIEGRAD_TAPED_H
 #define LIEGRAD_TAPED_H
 
@@ -137,7 +138,7 @@ LG_API lg_status lg_taped_step(lg_tape *tape, const lg_scheme *scheme, const lg_
  * - LG_INVALID_ARGUMENT: steps or every is 0, every does not divide steps, a function that the scheme needs
  *   is missing, an inconsistent scheme, a manifold of another dimension than the space
  * - LG_UNSUPPORTED: an ambient, implicit or splitting scheme on a space that is not R^n, LG_SCHEME_SLGI on a
- *   space that is not T*G, LG_SCHEME_VARIATIONAL
+ *   space that is not T*G, an implicit scheme in a program, LG_SCHEME_VARIATIONAL
  * - LG_NO_CONVERGENCE: Newton's method for an implicit stage
  * - LG_NOT_FINITE: the field at the start of an implicit step */
 LG_API lg_status lg_taped_integrate(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,

@@ -6,16 +6,11 @@
 
 #include "core/clean.h"
 #include "hamiltonian/constraint.h"
+#include "integrators/stepper.h"
 #include "integrators/taped_internal.h"
 #include "kernels/matrix.h"
 
 enum { MOST = LG_CONSTRAINT_MOST };
-
-static bool all_finite(size_t n, const double *x) {
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(x[i])) return false;
-    return true;
-}
 
 lg_constraint_text lg_constraint_show(const lg_constraint *constraint, const double *q) {
     lg_constraint_text out = {"q = ("};
@@ -69,7 +64,7 @@ static void row_sizes(lg_constraint_work *work, const double *q, double *size) {
         for (size_t i = 0; i < n; i++)
             memcpy(hessian + i * n, work->bends + (i * m + a) * n, n * sizeof *hessian);
         size[a] = fmax(lg_matrix_norm(n, work->G + a * n), work->size * lg_matrix_norm(n * n, hessian));
-        if (!all_finite(n * n, hessian)) size[a] = NAN;
+        if (!lg_all_finite(n * n, hessian)) size[a] = NAN;
     }
 }
 
@@ -154,7 +149,7 @@ lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_co
     const size_t n = work->of->n, m = work->of->m;
     double step[MOST];
     *out = (lg_constraint_view){.off = INFINITY};
-    if (!all_finite(m, work->g) || !all_finite(m * n, work->G))
+    if (!lg_all_finite(m, work->g) || !lg_all_finite(m * n, work->G))
         return lg_fail(error, LG_NOT_FINITE, "the constraint or its Jacobian is not finite at %s",
                        lg_constraint_show(work->of, q).text);
     for (size_t a = 0; a < m; a++) out->residual = fmax(out->residual, fabs(work->g[a]));
@@ -168,7 +163,7 @@ lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_co
             "the Jacobian G of the constraint loses rank at %s: its relative smallest singular value is "
             "%.2g, and %g is needed; the %u constraints depend on each other or one of them is flat there",
             lg_constraint_show(work->of, q).text, out->rank, LG_CONSTRAINT_LEAST_RANK, work->of->m);
-    if (along_normals(work, NULL, NULL, NULL, step) != 0 && all_finite(n, step))
+    if (along_normals(work, NULL, NULL, NULL, step) != 0 && lg_all_finite(n, step))
         out->off = lg_matrix_norm(n, step) / (work->size > 0.0 ? work->size : 1.0);
     return LG_OK;
 }
@@ -204,7 +199,7 @@ bool lg_constraint_land(lg_constraint_work *work, const double *W, const double 
         if (along_normals(work, F, W, NULL, along) == 0) return false;
         if (W != NULL) lg_matrix_multiply(n, 1, n, W, along, step);
         if (W == NULL) memcpy(step, along, n * sizeof *step);
-        if (!all_finite(n, step)) return false;
+        if (!lg_all_finite(n, step)) return false;
         for (size_t k = 0; k < n; k++) {
             q[k] -= step[k];
             impulse[k] += along[k];

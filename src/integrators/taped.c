@@ -252,7 +252,7 @@ static lg_status check_space(lg_tape *tape, const lg_scheme *scheme, const lg_ta
     if (tape->calls != NULL && (kind == LG_SCHEME_IMPLICIT || kind == LG_SCHEME_SLGI))
         return refuse(tape, LG_UNSUPPORTED,
                       "the scheme solves equations in each step, which a program cannot do: take an explicit "
-                      "scheme, such as rk4 or cf4");
+                      "scheme, such as cf4, or rk4 on R^n");
     if (flat && !lg_space_is_abelian(&ode->space))
         return refuse(tape, LG_UNSUPPORTED, "the scheme is for R^n only, but the space is not R^n");
     if (kind == LG_SCHEME_SPLITTING && !splits(&ode->space))

@@ -74,7 +74,7 @@ typedef struct lg_root {
 } lg_root;
 /* Solves for x near `first` (B, n) by Newton's method. First and second derivatives of *x are exact. Errors
  * with `part` that are not put on the tape (lg_root_failed): LG_NO_CONVERGENCE, LG_NOT_FINITE (at 0). In a
- * program, without `part`, five steps are recorded; rows that these do not solve become infinite or NaN. */
+ * program, without `part`, six steps are recorded; rows that these do not solve become infinite or NaN. */
 lg_status lg_taped_root(lg_tape *tape, const lg_root *root, lg_var first, lg_var *x);
 bool lg_root_failed(lg_status status);
 

@@ -7,8 +7,9 @@
  * error x1 - x(p) is of second order in p - p0, and x2 - x(p) is of third order. So the first and second
  * derivatives of x2 with respect to p are exact.
  *
- * A program's numbers are not known while it is recorded. Then five such steps from the first guess are
- * recorded, each with the inverse at its point. Rows whose last step is not small become infinite or NaN. */
+ * A program's numbers are not known while it is recorded. Then six such steps from the first guess are
+ * recorded, each with the inverse at its point. Rows whose last step is above 1e-5 (scale + largest |x|)
+ * become infinite or NaN. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -174,10 +175,10 @@ bool lg_root_failed(lg_status status) {
     return status == LG_NO_CONVERGENCE || status == LG_NOT_FINITE;
 }
 
-/* Records K = (J^T J)^-1 J^T with J = dr/dx, (rows, n, n), where r is a function of x on the tape. n is at
- * most the number of velocities of a machine. */
+/* Records K = (J^T J)^-1 J^T with J = dr/dx, (rows, n, n), where r is a function of x on the tape. n, of
+ * the velocities or constraints of a model, is below MOST. */
 static lg_status record_inverse(lg_tape *tape, lg_var r, lg_var x, lg_var *K) {
-    enum { MOST = 64 };
+    enum { MOST = 128 };
     const double unit[2 * MOST] = {[MOST] = 1.0};
     const lg_shape shape = lg_var_shape(tape, x);
     const uint32_t n = shape.dims[1];
@@ -205,7 +206,7 @@ lg_status lg_taped_root(lg_tape *tape, const lg_root *of, lg_var first, lg_var *
     lg_var inverse, change;
     *x = first;
     if (!program) LG_TRY(solution(&s, first, x, &inverse));
-    for (int i = 0; i < (program ? 5 : 2); i++) {
+    for (int i = 0; i < (program ? 6 : 2); i++) {
         lg_var r;
         LG_TRY(of->equations(of->user, tape, *x, &r));
         if (program) LG_TRY(record_inverse(tape, r, *x, &inverse));
@@ -215,6 +216,7 @@ lg_status lg_taped_root(lg_tape *tape, const lg_root *of, lg_var first, lg_var *
     }
     if (!program) return lg_tape_status(tape);
     const lg_var moved = lg_max_axis(tape, lg_abs(tape, change), 1, true);
-    *x = lg_div(tape, *x, lg_ge(tape, lg_full(tape, lg_shape2(1, 1), 1e-5 * of->scale), moved));
+    const lg_var size = lg_add_scalar(tape, lg_max_axis(tape, lg_abs(tape, *x), 1, true), of->scale);
+    *x = lg_div(tape, *x, lg_ge(tape, lg_scale(tape, size, 1e-5), moved));
     return lg_tape_status(tape);
 }

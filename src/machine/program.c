@@ -230,6 +230,10 @@ static lg_var input_at(const recording *r, lg_tape *tape, const lagging *l, lg_v
                                  times(tape, x, r->state + r->space.dim, machine->lags, true));
 }
 
+static bool has_own_step(const recording *r) {
+    return r->scheme->kind == LG_SCHEME_VARIATIONAL || r->machine->bristles > 0 || r->machine->sticks != 0;
+}
+
 /* Moves `parts`, which are in the log's units, by a step of machine/step.c. Inputs after a lag are parabolas.
  * Places change by the scaled change times its unit, so that a coordinate that sticks keeps its place to the
  * last bit. */
@@ -270,7 +274,7 @@ static lg_status held_step(void *user, lg_tape *tape, const lg_var *theta, const
     if (r->machine->lags > 0) l.x = parts[last], begin_lags(r, tape, &vars, u, &l);
     const lg_taped_ode ode = {.space = r->space, .field = held_field, .user = &l};
     const lg_taped_interval over = {.h_rows = h, .input = u};
-    if (r->machine->sticks != 0 || r->machine->bristles > 0 || r->scheme->kind == LG_SCHEME_VARIATIONAL)
+    if (has_own_step(r))
         LG_TRY(own_step(r, tape, &vars, &l, u, h, parts));
     else
         LG_TRY(lg_taped_step(tape, r->scheme, &ode, &over, parts, parts));
@@ -303,10 +307,7 @@ static lg_status add_lag(lg_program *program, const recording *r, lg_error *erro
 
 static lg_status add_step(lg_program *program, const recording *r, lg_error *error) {
     const double low = 0.001 * r->machine->scales.time, high = 0.05 * r->machine->scales.time;
-    const char *fault = lg_machine_variational_fault(r->machine);
-    const bool variational = r->scheme->kind == LG_SCHEME_VARIATIONAL;
-    if (variational && fault != NULL) return lg_fail(error, LG_UNSUPPORTED, "%s", fault);
-    if (!variational && r->machine->lags == 0 && r->machine->bristles == 0 && r->machine->sticks == 0)
+    if (!has_own_step(r) && r->machine->lags == 0)
         return lg_program_add_step(program, &r->space, r->scheme, low, high, error);
     return lg_program_put_step(program, low, high, held_step, (void *)(uintptr_t)r, error);
 }

@@ -254,7 +254,6 @@ void classifier_golden(const classifier_job *j) {
                  .moved = app_keep(j->outputs * (1 + inputs), sizeof(double)),
                  .point = app_keep(j->d + j->outputs, sizeof(double))};
     APP_FREE double *size = app_alloc(j->d, sizeof *size);
-    bool drawn = true;
     for (size_t i = 0; i < j->d; i++)
         size[i] = export_round(j->source->options, 1 / (fabs(c->pca.mean[i]) + c->pca.scale[i]));
     /* The self-test compares features, in units of their own size. RAW features are the window itself. */
@@ -267,11 +266,10 @@ void classifier_golden(const classifier_job *j) {
     lg_rng_seed(&d.rng, j->source->options->seed, GOLDEN_STREAM);
     for (size_t v = 0; v < j->source->golden.count; v++)
         for (int attempt = 0; attempt < 30 && !draw(&d, v, attempt < 20 ? 1 : 0.1, size); attempt++) continue;
-    for (size_t i = 0; i < j->source->golden.count * j->outputs; i++)
-        drawn = drawn && isfinite(j->source->golden.y[i]);
     if (features > 0) export_reals(j->source, &j->source->test, "feature_size", size, features);
     export_test_code(j->source, features > 0 ? "test_classifier" : "test_detector");
-    if (!drawn)
+    if (!isfinite(
+            export_squares(j->source->options, j->source->golden.y, j->source->golden.count * j->outputs)))
         app_stop(j->self, LG_FILE, "%s: windows like those of the training data have no finite decision",
                  j->source->options->file);
 }

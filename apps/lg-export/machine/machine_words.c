@@ -115,7 +115,7 @@ static void tell_delays(text *to, const lg_machine_model_run *run) {
 void export_machine_words(const void *contents, export_source *source) {
     const lg_machine_model_run *run = &((const lg_machine_model_file *)contents)->run;
     const lg_machine *machine = &run->machine;
-    source->step = run->dt;
+    source->step = run->dt / run->substeps;
     tell_range(&source->range, run);
     tell_state(source, machine);
     for (uint32_t i = 0; i < machine->input_count; i++) {
