@@ -613,9 +613,9 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
  * of Newton's method solve each implicit equation; where the last one moves the scaled velocities by more
  * than 1e-5 of 1 and the largest, the result is not finite. With bristles and a lag, `step` takes lagged
  * inputs as parabolas, which is exact where stages are at 0, h/2 and h (rk4, cf4, rkmk4).
- * Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit scheme, but where friction sticks: such a
- * step has no scheme; a classical scheme if there are directions or rotations; LG_SCHEME_VARIATIONAL for a
- * machine that it does not fit). */
+ * Errors: those of lg_program_build; LG_UNSUPPORTED (an implicit scheme, unless friction sticks, where the
+ * step does not use the scheme; a classical scheme if there are directions or rotations;
+ * LG_SCHEME_VARIATIONAL for a machine that it does not fit). */
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
                                     const lg_scheme *scheme, bool lagged, lg_program **out, lg_error *error);
 

@@ -163,11 +163,9 @@ static double size_of(const classifier_job *j, size_t i) {
     }
 }
 
-/* Returns whether the results y and Jacobian are safe from rounding errors. If the channels of a window
- * nearly depend on each other, the Jacobian of its features multiplies rounding errors by more than the
- * tolerance allows (for COV by the ratio of the covariance's largest and smallest eigenvalues); a tree may
- * decide otherwise. This is measured: about half of the samples are moved to the next float, for trees to the
- * 64th. */
+/* Returns whether rounding errors leave the results y and the Jacobian within the tolerance: a tree could
+ * take another path, and for COV the Jacobian multiplies them by the ratio of the covariance's largest and
+ * smallest eigenvalues. It measures this: about half of the samples move by one float, for trees by 64. */
 static bool is_steady(drawing *d, const double *y, const double *jacobian) {
     /* Largest accepted change, in units of depth * condition * FLT_EPSILON. Code in double precision rounds
      * to 1e-16, which changes the Jacobian less than this move of the samples does. */

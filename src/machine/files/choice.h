@@ -97,9 +97,9 @@ void lg_choosing_end(lg_choosing *choosing);
 lg_status lg_machine_try(const lg_choosing *choosing, const lg_machine_trial *from, lg_machine_trial *trial,
                          lg_error *error);
 void lg_machine_trial_destroy(const lg_choosing *choosing, lg_machine_trial *trial);
-/* What a choice is made of: `write` adds the change of machine i, `compare` compares two machines, of which
- * one beats the other if it is better; with `clearly`, only if it is clearly better. If each `follows`, it
- * begins from the parameters of the one before it that left the least of its own windows. */
+/* A choice: `write` adds the change of machine i; `compare` finds the better of two machines. With `clearly`
+ * a machine must be clearly better to win. With `follows` each machine begins with the parameters of an
+ * earlier one: of those, the one with the smallest loss on its own windows. */
 typedef struct lg_machine_contest {
     size_t count;
     bool follows, clearly;
