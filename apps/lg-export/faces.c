@@ -244,7 +244,9 @@ static void measure(export_model *m) {
 /* Checks the scheme and the model before the program is made. */
 static void check(export_model *m) {
     const lg_scheme *scheme = m->source->options->scheme;
-    if (m->space != NULL && scheme != NULL && (m->positions == 0 || scheme->kind != LG_SCHEME_VARIATIONAL))
+    const bool own = scheme != NULL && scheme->kind == LG_SCHEME_VARIATIONAL &&
+                     (m->positions > 0 || !lg_space_is_abelian(m->space));
+    if (m->space != NULL && scheme != NULL && !own)
         export_check_scheme(m->self, m->space, has_function(lg_model_program(m->file->model), "force"),
                             scheme);
     if (m->kind->begin != NULL) m->kind->begin(m);

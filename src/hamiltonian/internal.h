@@ -66,10 +66,10 @@ uint32_t lg_hamiltonian_width(lg_tape *tape, lg_var part);
 lg_var lg_hamiltonian_joined(lg_tape *tape, const lg_hamiltonian_family *family, const lg_var *y, size_t odd);
 void lg_hamiltonian_cut(lg_tape *tape, const lg_hamiltonian_family *family, const lg_var *y, lg_var x,
                         size_t odd, lg_var *out);
-/* One step of LG_SCHEME_VARIATIONAL of size h, inside and without input; out may be y. For families with
+/* One step of LG_SCHEME_VARIATIONAL over a span, inside and without input; out may be y. For families with
  * `ambient`. */
-lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_vars *vars, double h,
-                                          const lg_var *y, lg_var *out);
+lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_vars *vars,
+                                          const lg_taped_span *over, const lg_var *y, lg_var *out);
 
 /* The field, an algebra element, from dH/dy. With a constraint: `unit` times q has the units of the data. */
 void lg_hamiltonian_record_algebra(lg_tape *tape, const lg_hamiltonian *model, double unit, const lg_var *y,

@@ -38,6 +38,45 @@ static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_
     return lg_tape_status(tape);
 }
 
+/* Moves the parts by the input over half a step. */
+static lg_status push(const recording *r, lg_tape *tape, const lg_space *space, const lg_taped_span *over,
+                      lg_var u, lg_var *parts) {
+    lg_var none[LG_HAMILTONIAN_MAX_PARTS], change[LG_HAMILTONIAN_MAX_PARTS];
+    if (lg_is_none(u)) return LG_OK;
+    const size_t count = lg_taped_parts(space);
+    for (size_t i = 0; i < count; i++) none[i] = lg_scale(tape, parts[i], 0.0);
+    lg_hamiltonian_record_algebra(tape, r->model, 1.0, parts, none, u, change);
+    for (size_t i = 0; i < count; i++)
+        change[i] = lg_taped_by_rows(tape, over, lg_scale(tape, change[i], 0.5));
+    return lg_taped_act(tape, space, change, parts, parts);
+}
+
+static lg_status variational_step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x,
+                                  lg_var *y) {
+    const recording *r = user;
+    const lg_hamiltonian_scales *scales = &r->model->scales;
+    const lg_space space = lg_hamiltonian_space_of(r->model->family, r->model->n);
+    const bool driven = lg_hamiltonian_input_dim(r->model) > 0;
+    const lg_var u = driven ? x[1] : LG_NONE, h = x[driven ? 2 : 1];
+    const lg_shape tall = lg_shape3(lg_var_shape(tape, h).dims[0], 1, 1);
+    lg_taped_span over = {.h = 1.0, .rows = h, .tall = lg_reshape(tape, h, tall)};
+    lg_hamiltonian_vars vars;
+    lg_var parts[LG_HAMILTONIAN_MAX_PARTS];
+    LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
+    LG_TRY(lg_taped_split(tape, &space, x[0], parts));
+    LG_TRY(push(r, tape, &space, &over, u, parts));
+    for (size_t i = 0; i < lg_taped_parts(&space); i++)
+        parts[i] = lg_hamiltonian_scaled(tape, parts[i], 1.0 / scales->part[i]);
+    over.h = 1.0 / scales->time;
+    LG_TRY(lg_hamiltonian_variational_step(tape, &vars, &over, parts, parts));
+    for (size_t i = 0; i < lg_taped_parts(&space); i++)
+        parts[i] = lg_hamiltonian_scaled(tape, parts[i], scales->part[i]);
+    over.h = 1.0;
+    LG_TRY(push(r, tape, &space, &over, u, parts));
+    y[0] = lg_taped_join(tape, &space, parts);
+    return lg_tape_status(tape);
+}
+
 /* The functions of liegrad/constraint.h, of the learned system. */
 
 static lg_status constraint(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
@@ -103,7 +142,9 @@ static lg_status build(const lg_context *context, recording *r, const double *th
 /* Adds the step and the Jacobian of `velocity`, then gives the program its parameters. */
 static lg_status finish(const recording *r, lg_program *program, const double *theta, lg_error *error) {
     const lg_space space = lg_hamiltonian_space_of(r->model->family, r->model->n);
-    LG_TRY(lg_program_add_step(program, &space, r->scheme, 0.001, 0.05, error));
+    LG_TRY(r->scheme->kind != LG_SCHEME_VARIATIONAL || r->model->family->ambient == NULL
+               ? lg_program_add_step(program, &space, r->scheme, 0.001, 0.05, error)
+               : lg_program_put_step(program, 0.001, 0.05, variational_step, (void *)(uintptr_t)r, error));
     LG_TRY(lg_program_add_velocity(program, &space, error));
     const lg_status status = lg_program_set_parameter(program, 0, theta);
     return status == LG_OK ? LG_OK : lg_fail(error, status, "a parameter is not finite");

@@ -83,7 +83,7 @@ static lg_status predict_variational(lg_tape *tape, const lg_hamiltonian_vars *v
     size_t parts = 0;
     for (; layout[parts] != NULL; parts++) y[parts] = start[parts];
     for (size_t i = 1; i <= steps; i++) {
-        LG_TRY(lg_hamiltonian_variational_step(tape, vars, h, y, y));
+        LG_TRY(lg_hamiltonian_variational_step(tape, vars, &(lg_taped_span){.h = h}, y, y));
         for (size_t k = 0; i % every == 0 && k < parts; k++) *out++ = y[k];
     }
     return LG_OK;

@@ -95,8 +95,13 @@ static lg_var momentum_of(lg_tape *tape, lg_var x, lg_var P) {
     return v == 0 ? P : lg_sub(tape, P, lg_mul(tape, x, lg_rowdot(tape, x, P)));
 }
 
-lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_vars *vars, double h,
-                                          const lg_var *y, lg_var *out) {
+/* to + c h x */
+static lg_var moved(lg_tape *tape, const lg_taped_span *over, lg_var to, double c, lg_var x) {
+    return lg_taped_moved(tape, to, c * over->h, lg_taped_by_rows(tape, over, x));
+}
+
+lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_vars *vars,
+                                          const lg_taped_span *over, const lg_var *y, lg_var *out) {
     const lg_hamiltonian_family *family = vars->model->family;
     lg_var next[LG_HAMILTONIAN_MAX_PARTS], momenta[LG_HAMILTONIAN_MAX_PARTS], K, rate;
     family->ambient(tape, vars, y, &K, &rate);
@@ -109,14 +114,15 @@ lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_va
     s.W = lg_spd_solve(tape, K, lg_unit_matrix(tape, N));
     s.W = lg_reshape(tape, s.W, lg_shape2(N, N));
     lg_var P = lg_matmul(tape, rate, lg_reshape(tape, K, lg_shape2(N, N)));
-    P = lg_taped_moved(tape, P, -0.5 * h, lg_hamiltonian_potential_gradient(tape, vars, z));
-    s.free = lg_taped_moved(tape, z, h, lg_matmul(tape, P, s.W));
+    P = moved(tape, over, P, -0.5, lg_hamiltonian_potential_gradient(tape, vars, z));
+    s.free = moved(tape, over, z, 1.0, lg_matmul(tape, P, s.W));
     lg_var nu = lg_full(tape, lg_shape2(s.rows, s.k), 0.0);
     LG_TRY(lg_taped_root(tape, &(lg_root){.equations = held, .user = &s, .scale = 1.0}, nu, &nu));
-    const lg_var normal = normal_of(tape, &s, nu);
+    lg_var normal = normal_of(tape, &s, nu);
     const lg_var z1 = lg_sub(tape, s.free, lg_matmul(tape, normal, s.W));
-    P = lg_taped_moved(tape, P, -1.0 / h, normal);
-    P = lg_taped_moved(tape, P, -0.5 * h, lg_hamiltonian_potential_gradient(tape, vars, z1));
+    if (!lg_is_none(over->rows)) normal = lg_div(tape, normal, over->rows);
+    P = lg_taped_moved(tape, P, -1.0 / over->h, normal);
+    P = moved(tape, over, P, -0.5, lg_hamiltonian_potential_gradient(tape, vars, z1));
     lg_hamiltonian_cut(tape, family, y, z1, 0, next);
     lg_hamiltonian_cut(tape, family, y, P, 0, momenta);
     for (size_t i = 0; family->layout[i] != NULL; i += 2) {

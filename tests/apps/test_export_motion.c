@@ -660,7 +660,10 @@ TEST("schemes that stay on the manifold are accepted") {
     static const struct {
         const char *model, *scheme;
         int evaluations;
-    } rows[] = {{"cart", "rk4", 4}, {"body", "lie-euler", 1}, {"top", "variational", 0}};
+    } rows[] = {{"cart", "rk4", 4},
+                {"body", "lie-euler", 1},
+                {"top", "variational", 0},
+                {"chain2", "variational", 0}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
         example of = *(const example *)export_find(&motions, rows[i].model);
         of.row.scheme = rows[i].scheme;

@@ -279,7 +279,7 @@ static void go_variational(const built *b, size_t count, double h, double *y) {
         assert_ok(lg_hamiltonian_bind(tape, &b->hamiltonian, lg_input_f64(tape, shape, b->theta), &vars));
         assert_ok(
             lg_taped_split(tape, &space, lg_input_f64(tape, lg_shape2(1, (uint32_t)space.dim), y), parts));
-        assert_ok(lg_hamiltonian_variational_step(tape, &vars, h, parts, parts));
+        assert_ok(lg_hamiltonian_variational_step(tape, &vars, &(lg_taped_span){.h = h}, parts, parts));
         assert_ok(lg_read(tape, lg_taped_join(tape, &space, parts), space.dim, y));
     }
 }
@@ -311,6 +311,61 @@ TEST("variational steps keep the manifold and the vertical momentum, bound the e
         assert_true(least > -3e-3 && most < 3e-3 && most - least > 1e-9);
         go_variational(&b, 400, -0.02, y);
         for (size_t i = 0; i < space.dim; i++) assert_close(y[i], start[i], 1e-9, 1e-9);
+    }
+}
+
+/* Scales other than 1: times, the first action, and positions that have a unit. */
+static built in_other_units(const built *b) {
+    lg_hamiltonian model = b->hamiltonian;
+    model.scales.time = 0.4;
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
+        model.scales.part[i] = i % 2 == 1                ? 3.0 / model.scales.part[i - 1]
+                               : model.family->scaled[i] ? 1.7
+                                                         : 1.0;
+    return build_from(&model, b->theta);
+}
+
+/* The distance of the program's step of size h from steps of the accurate scheme under the same input. */
+static double step_error(const built *b, const lg_program *program, const double *y, const double *u,
+                         double h) {
+    enum { PIECES = 50 };
+    double next[MOST_STATE], true_next[MOST_STATE], sum = 0.0;
+    const double *in[] = {y, lg_model_input_dim(b->model) > 0 ? u : &h, &h};
+    double *out = next;
+    lg_stepper *stepper = stepper_of(b, lg_scheme_find(b->hamiltonian.family->accurate));
+    const size_t d = lg_model_inputs(b->model);
+    assert_ok(lg_program_eval(NULL, program, "step", 1, in, &out, NULL));
+    memcpy(true_next, y, d * sizeof *y);
+    for (int i = 0; i < PIECES; i++)
+        assert_ok(lg_stepper_step(stepper, 0.0, h / PIECES, true_next, u, true_next));
+    for (size_t i = 0; i < d; i++) sum += pow(next[i] - true_next[i], 2.0);
+    return sqrt(sum);
+}
+
+TEST("programs have the variational steps of training, of order 2 under an input, in the units of the data") {
+    const lg_scheme *scheme = lg_scheme_find("variational");
+    for (size_t m = 0; m < motions(); m++) {
+        const moving s = make_motion(m, LG_POTENTIAL_MLP, LG_TANH);
+        const built other = in_other_units(&s.b);
+        const double h = 0.02, none[MOST_INPUT] = {0.0}, *const in[] = {s.y, s.m > 0 ? none : &h, &h};
+        double next[MOST_STATE], y[MOST_STATE], *out = next;
+        lg_program *program;
+        const lg_status status =
+            lg_hamiltonian_program(NULL, &other.hamiltonian, other.theta, scheme, &program, NULL);
+        assert_int_equal(status, s.b.hamiltonian.family->ambient == NULL ? LG_UNSUPPORTED : LG_OK);
+        if (status != LG_OK) continue;
+        const double whole = step_error(&other, program, s.y, s.u, 0.4 * h),
+                     half = step_error(&other, program, s.y, s.u, 0.2 * h);
+        print_message("  %s of %u: %.1e, half the step %.1e\n", s.b.hamiltonian.family->name, s.n, whole,
+                      half);
+        assert_true(whole > 1e-9 && half < whole / 6.0);
+        lg_program_destroy(program);
+        assert_ok(lg_hamiltonian_program(NULL, &s.b.hamiltonian, s.b.theta, scheme, &program, NULL));
+        assert_ok(lg_program_eval(NULL, program, "step", 1, in, &out, NULL));
+        memcpy(y, s.y, sizeof y);
+        go_variational(&s.b, 1, h, y);
+        for (size_t i = 0; i < s.d; i++) assert_close(next[i], y[i], 1e-13, 1e-13);
+        lg_program_destroy(program);
     }
 }
 
