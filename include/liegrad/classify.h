@@ -251,9 +251,9 @@ typedef struct lg_tree {
  * the lower feature is taken, then the one with the lower threshold. An impure node is split whenever options
  * and values allow it, even if the split does not decrease the impurity, because "exclusive or" needs such a
  * split. Nodes are in depth-first order, left before right. Columns are sorted once; then each level of the
- * tree costs O(d n). Memory: 16 d n bytes. Errors: LG_INVALID_ARGUMENT (n, d or classes is 0, n > 2^29, a
- * label out of range, min_samples_split < 2, min_samples_leaf < 1, ccp_alpha negative or not finite),
- * LG_NOT_FINITE, LG_CANCELLED. */
+ * tree costs O(d n). Memory: 16 d n bytes. Errors: LG_INVALID_ARGUMENT (n, d or classes is 0, n >= 2^30,
+ * d > 2^20, a label out of range, min_samples_split < 2, min_samples_leaf < 1, ccp_alpha negative or not
+ * finite), LG_NOT_FINITE, LG_CANCELLED. */
 LG_API lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options, const double *x,
                              const uint32_t *label, size_t n, uint32_t d, uint32_t classes, lg_tree *out,
                              lg_error *error);

@@ -352,7 +352,7 @@ TEST("invalid tables and options are refused, and the tree is unchanged") {
     } tables[] = {{x, y, 0, 1, 2, LG_INVALID_ARGUMENT, ""},
                   {x, y, 3, 0, 2, LG_INVALID_ARGUMENT, ""},
                   {x, y, 3, 1, 0, LG_INVALID_ARGUMENT, ""},
-                  {x, out_of_range, 3, 1, 2, LG_INVALID_ARGUMENT, "label 2 of row 1"},
+                  {x, out_of_range, 3, 1, 2, LG_INVALID_ARGUMENT, "row 1 is of class 2"},
                   {bad, y, 3, 1, 2, LG_NOT_FINITE, "row 1"},
                   {worse, y, 3, 1, 2, LG_NOT_FINITE, "row 2"}};
     const lg_tree_options good = options_of(LG_GINI, 1);

@@ -40,10 +40,11 @@ static inline double lg_sum_of(const double *a, size_t n) {
 }
 
 /* Checks that every fit makes on its table. lg_check_table: the sizes fit LAPACK's integers and all numbers
- * are finite. lg_check_labels: labels are below `classes` and at least two classes occur; counts (classes;
- * may be NULL) becomes the number of rows of each class. */
+ * are finite. lg_check_labels: labels are below `classes`, and at least `least` classes occur, one or two;
+ * counts (classes; may be NULL) becomes the number of rows of each class. */
 lg_status lg_check_table(const double *x, size_t n, uint32_t d, lg_error *error);
-lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, size_t *counts, lg_error *error);
+lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, uint32_t least, size_t *counts,
+                          lg_error *error);
 
 /* Means (d) of the columns of a table (n, d). */
 void lg_column_means(const double *x, size_t n, size_t d, double *mean);

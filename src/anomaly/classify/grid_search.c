@@ -69,7 +69,7 @@ static lg_status deal(search *s, uint32_t folds, lg_error *error) {
         label[i] = s->label[row];
         if (unit != NULL) own[i] = s->unit[row];
     }
-    LG_TRY(lg_check_labels(label, s->rows, s->classes, counts, error));
+    LG_TRY(lg_check_labels(label, s->rows, s->classes, 2, counts, error));
     LG_TRY(lg_series_folds(s->context, label, unit, s->rows, folds, s->fold, &rarest));
     s->folds = folds < 2 ? 1 : folds < rarest ? folds : rarest;
     return s->folds == folds ? LG_OK

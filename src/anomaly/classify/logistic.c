@@ -438,7 +438,7 @@ static lg_status solve(problem *p, const double *x, const uint32_t *label, const
 static lg_status fit_model(const lg_context *context, const double *x, const uint32_t *label, size_t n,
                            double c, size_t *counts, lg_logistic *model, lg_error *error) {
     const uint32_t d = model->inputs, classes = model->classes, rows = classes == 2 ? 1 : classes;
-    LG_TRY(lg_check_labels(label, n, classes, counts, error));
+    LG_TRY(lg_check_labels(label, n, classes, 2, counts, error));
     problem p = {
         .context = context, .n = n, .q = (d >= n ? n : d) + 1, .classes = classes, .c = c, .forcing = 1e-2};
     for (uint32_t a = 0; a < classes; a++) p.rows += counts[a] > 0;

@@ -26,7 +26,7 @@ lg_status lg_check_table(const double *x, size_t n, uint32_t d, lg_error *error)
     return LG_OK;
 }
 
-lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, size_t *counts,
+lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, uint32_t least, size_t *counts,
                           lg_error *error) {
     bool differ = false;
     if (counts != NULL) memset(counts, 0, classes * sizeof *counts);
@@ -38,7 +38,7 @@ lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, siz
         if (counts != NULL) counts[label[i]]++;
         differ = differ || label[i] != label[0];
     }
-    if (!differ)
+    if (!differ && least > 1)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "all %zu rows are of one class: there is nothing to tell apart", n);
     return LG_OK;

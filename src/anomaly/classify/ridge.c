@@ -385,7 +385,7 @@ lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *lab
     if (threads < 1)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%d threads: at least one is needed", threads);
     LG_TRY(lg_check_table(x, n, d, error));
-    LG_TRY(lg_check_labels(label, n, classes, NULL, error));
+    LG_TRY(lg_check_labels(label, n, classes, 2, NULL, error));
     LG_CLEAN(lg_logistic_destroy)
     lg_logistic made = {.inputs = d, .classes = classes, .context = context};
     ridge r = {.context = context, .n = n, .d = d, .targets = classes == 2 ? 1 : classes, .x = x};

@@ -288,7 +288,7 @@ static double default_gamma(const double *x, size_t count, uint32_t d) {
 }
 
 static lg_status fit_model(training *t, const uint32_t *label, lg_svm *out, lg_error *error) {
-    LG_TRY(lg_check_labels(label, t->n, t->classes, t->counts, error));
+    LG_TRY(lg_check_labels(label, t->n, t->classes, 2, t->counts, error));
     if (!load_libsvm())
         return lg_fail(error, LG_NOT_FOUND,
                        "support vectors need the library " LG_SVM_LIBRARY ", which cannot be loaded");

@@ -242,9 +242,6 @@ static void fill_columns(grower *g, const double *x, const uint32_t *label) {
 
 /* ---- public functions ---- */
 
-/* With this limit the number of nodes, and twice that number, fit into 32 bits. */
-#define MOST_ROWS ((size_t)1 << 29)
-
 static lg_status check_options(const lg_tree_options *o, lg_error *error) {
     if (o->size != sizeof *o || (unsigned)o->criterion >= LG_CRITERION_COUNT)
         return lg_fail(error, LG_INVALID_ARGUMENT,
@@ -257,24 +254,6 @@ static lg_status check_options(const lg_tree_options *o, lg_error *error) {
     if (!(o->ccp_alpha >= 0.0) || !isfinite(o->ccp_alpha))
         return lg_fail(error, LG_INVALID_ARGUMENT, "ccp_alpha is %g: it must be 0 or a positive number",
                        o->ccp_alpha);
-    return LG_OK;
-}
-
-static lg_status check_table(const double *x, const uint32_t *label, size_t n, uint32_t d, uint32_t classes,
-                             lg_error *error) {
-    if (x == NULL || label == NULL || n == 0 || d == 0 || classes == 0 || n > MOST_ROWS)
-        return lg_fail(
-            error, LG_INVALID_ARGUMENT,
-            "a tree of %zu rows, %u features, %u classes: each must be at least 1, rows at most 2^29", n, d,
-            classes);
-    for (size_t i = 0; i < n; i++)
-        if (label[i] >= classes)
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "label %u of row %zu is too large: there are %u classes, counted from 0", label[i],
-                           i, classes);
-    for (size_t i = 0; i < n * d; i++)
-        if (!isfinite(x[i]))
-            return lg_fail(error, LG_NOT_FINITE, "feature %zu of row %zu is not finite", i % d, i / d);
     return LG_OK;
 }
 
@@ -298,9 +277,10 @@ lg_status lg_tree_fit(const lg_context *context, const lg_tree_options *options,
                       const uint32_t *label, size_t n, uint32_t d, uint32_t classes, lg_tree *out,
                       lg_error *error) {
     grower g = {.context = context, .n = n};
-    LG_NEEDS(error, options, out);
+    LG_NEEDS(error, options, label, out);
     LG_TRY(check_options(options, error));
-    LG_TRY(check_table(x, label, n, d, classes, error));
+    LG_TRY(lg_check_table(x, n, d, error));
+    LG_TRY(lg_check_labels(label, n, classes, 1, NULL, error));
     g.options = *options;
     g.tree = (lg_tree){.inputs = d, .classes = classes, .criterion = options->criterion, .context = context};
     lg_status status = grower_create(&g);
