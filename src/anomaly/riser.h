@@ -76,7 +76,6 @@ typedef struct lg_water {
     bool calm;
     double dt, ramp;
     size_t block; /* number of the block that `rows` holds; SIZE_MAX: no block yet */
-    double *memory;
     /* (components); now: angle of each wave, c and s: its cosine and sine */
     double *frequency, *phase, *now, *c, *s;
     double *velocity, *inertia; /* amplitudes of each wave (components, LG_RISER_STATE) */

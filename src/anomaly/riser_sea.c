@@ -134,36 +134,15 @@ static void wave_rows(const lg_riser_parameters *p, const lg_wave *wave, double 
     }
 }
 
-static void water_arrays(lg_water *w, double *at) {
+static lg_status water_arrays(const lg_context *context, lg_water *w) {
     enum { N = LG_RISER_COMPONENTS, S = LG_RISER_STATE, H = LG_WATER_HALF + 1 };
-    struct {
-        double **array;
-        size_t count;
-    } const parts[] = {
-        {&w->velocity, N * S},
-        {&w->inertia, N * S},
-        {&w->cosines, H * N},
-        {&w->sines, H * N},
-        {&w->even_in, N * 2 * S},
-        {&w->odd_in, N * 2 * S},
-        {&w->even, H * 2 * S},
-        {&w->odd, H * 2 * S},
-        {&w->rows, LG_WATER_BLOCK * 2 * S},
-        {&w->frequency, N},
-        {&w->phase, N},
-        {&w->now, N},
-        {&w->c, N},
-        {&w->s, N},
-    };
-    for (size_t i = 0; i < LG_COUNT(parts); i++) {
-        *parts[i].array = at;
-        at += parts[i].count;
-    }
+    return LG_ALLOC_ALL(context, LG_ARRAY(w->velocity, N * S), LG_ARRAY(w->inertia, N * S),
+                        LG_ARRAY(w->cosines, H * N), LG_ARRAY(w->sines, H * N),
+                        LG_ARRAY(w->even_in, N * 2 * S), LG_ARRAY(w->odd_in, N * 2 * S),
+                        LG_ARRAY(w->even, H * 2 * S), LG_ARRAY(w->odd, H * 2 * S),
+                        LG_ARRAY(w->rows, LG_WATER_BLOCK * 2 * S), LG_ARRAY(w->frequency, N),
+                        LG_ARRAY(w->phase, N), LG_ARRAY(w->now, N), LG_ARRAY(w->c, N), LG_ARRAY(w->s, N));
 }
-
-#define WATER_NUMBERS                                                                                        \
-    (LG_RISER_COMPONENTS * (6 * (size_t)LG_RISER_STATE + 2 * (LG_WATER_HALF + 1) + 5) +                      \
-     (size_t)LG_RISER_STATE * (4 * (LG_WATER_HALF + 1) + 2 * LG_WATER_BLOCK))
 
 static bool rows_fit(const lg_water *w) {
     bool fit = true;
@@ -195,13 +174,14 @@ lg_status lg_water_create(const lg_context *context, const lg_riser_parameters *
                   .ramp = run->ramp,
                   .block = SIZE_MAX};
     LG_TRY(lg_sea_components(&run->sea, p->depth, p->gravity, run->seed, waves));
-    w.memory = lg_alloc(context, WATER_NUMBERS, sizeof(double));
-    if (!w.memory) return LG_OUT_OF_MEMORY;
-    water_arrays(&w, w.memory);
-    water_fill(&w, p, waves);
-    if (!rows_fit(&w)) {
+    lg_status status = water_arrays(context, &w);
+    if (status == LG_OK) {
+        water_fill(&w, p, waves);
+        if (!rows_fit(&w)) status = LG_INVALID_ARGUMENT;
+    }
+    if (status != LG_OK) {
         lg_water_destroy(context, &w);
-        return LG_INVALID_ARGUMENT;
+        return status;
     }
     for (size_t s = 0; s < LG_RISER_DOF; s++)
         w.current[s] = p->current * pow(lg_riser_height(p, s) / p->depth, CURRENT_LAW);
@@ -210,8 +190,9 @@ lg_status lg_water_create(const lg_context *context, const lg_riser_parameters *
 }
 
 void lg_water_destroy(const lg_context *context, lg_water *water) {
-    lg_free(context, water->memory);
-    water->memory = NULL;
+    LG_FREE_ALL(context, water->velocity, water->inertia, water->cosines, water->sines, water->even_in,
+                water->odd_in, water->even, water->odd, water->rows, water->frequency, water->phase,
+                water->now, water->c, water->s);
 }
 
 /* Factor on all forcing. It grows as half a cosine from 0 at t = 0 to 1 at t = ramp. */

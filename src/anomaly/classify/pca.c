@@ -138,15 +138,12 @@ static lg_status decompose(const double *x, size_t n, lg_pca *p, const scratch *
 static lg_status fit_components(const lg_context *context, const double *x, size_t n, lg_pca *p,
                                 lg_error *error) {
     const size_t d = p->inputs, small = p->variances;
-    scratch s = {.z = lg_alloc(context, n, d * sizeof *s.z),
-                 .a = lg_alloc(context, small, small * sizeof *s.a),
-                 .values = lg_alloc(context, small, sizeof *s.values),
-                 .rows = lg_alloc(context, d <= n ? p->components : n, d * sizeof *s.rows),
-                 .work = lg_alloc(context, d <= n ? eigen_work(d) + 3 * d + 2 : singular_work(n) + 4 * n,
-                                  sizeof *s.work)};
-    lg_status status = LG_OUT_OF_MEMORY;
-    if (s.z != NULL && s.a != NULL && s.values != NULL && s.rows != NULL && s.work != NULL)
-        status = decompose(x, n, p, &s);
+    scratch s = {0};
+    lg_status status =
+        LG_ALLOC_ALL(context, LG_ARRAY(s.z, n * d), LG_ARRAY(s.a, small * small), LG_ARRAY(s.values, small),
+                     LG_ARRAY(s.rows, (d <= n ? p->components : n) * d),
+                     LG_ARRAY(s.work, d <= n ? eigen_work(d) + 3 * d + 2 : singular_work(n) + 4 * n));
+    if (status == LG_OK) status = decompose(x, n, p, &s);
     LG_FREE_ALL(context, s.z, s.a, s.values, s.rows, s.work);
     if (status == LG_OK) return LG_OK;
     return lg_fail(error, status, "principal components of %zu rows and %u features: %s", n, p->inputs,

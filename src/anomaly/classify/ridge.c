@@ -357,26 +357,14 @@ static size_t best_doubles(const ridge *r) {
 
 static lg_status take_memory(ridge *r, lg_logistic *out, lg_error *error) {
     const size_t n = r->n, d = r->d, t = r->targets, square = r->order * r->order;
-    const struct {
-        double **to;
-        size_t count;
-    } rows[] = {{&r->x_mean, d},
-                {&r->y_mean, t},
-                {&r->y, t * n},
-                {&r->gram, square},
-                {&r->factor, square},
-                {&r->c, t * r->order},
-                {&r->best, best_doubles(r)},
-                {&r->rest, t * n},
-                {&r->h, n},
-                {&r->scratch, r->parts * WIDTH * r->order},
-                {&out->weight, t * d},
-                {&out->intercept, t}};
-    for (size_t i = 0; i < LG_COUNT(rows); i++)
-        if ((*rows[i].to = lg_alloc(r->context, rows[i].count, sizeof(double))) == NULL)
-            return lg_fail(error, LG_OUT_OF_MEMORY,
-                           "no memory for a ridge regression of %zu rows with %zu features", n, d);
-    return LG_OK;
+    if (LG_ALLOC_ALL(r->context, LG_ARRAY(r->x_mean, d), LG_ARRAY(r->y_mean, t), LG_ARRAY(r->y, t * n),
+                     LG_ARRAY(r->gram, square), LG_ARRAY(r->factor, square), LG_ARRAY(r->c, t * r->order),
+                     LG_ARRAY(r->best, best_doubles(r)), LG_ARRAY(r->rest, t * n), LG_ARRAY(r->h, n),
+                     LG_ARRAY(r->scratch, r->parts * WIDTH * r->order), LG_ARRAY(out->weight, t * d),
+                     LG_ARRAY(out->intercept, t)) == LG_OK)
+        return LG_OK;
+    return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a ridge regression of %zu rows with %zu features",
+                   n, d);
 }
 
 lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *label, size_t n, uint32_t d,
@@ -395,8 +383,7 @@ lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *lab
     if (status != LG_OK) return lg_fail(error, status, "%zu threads could not be started", r.parts);
     status = take_memory(&r, &made, error);
     if (status == LG_OK) status = fit(&r, label, &made, error);
-    double *const own[] = {r.x_mean, r.y_mean, r.y, r.gram, r.factor, r.c, r.best, r.rest, r.h, r.scratch};
-    for (size_t i = 0; i < LG_COUNT(own); i++) lg_free(context, own[i]);
+    LG_FREE_ALL(context, r.x_mean, r.y_mean, r.y, r.gram, r.factor, r.c, r.best, r.rest, r.h, r.scratch);
     lg_thread_pool_destroy(r.pool);
     LG_TRY(status);
     return LG_GIVE(out, made);

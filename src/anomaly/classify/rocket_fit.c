@@ -206,11 +206,9 @@ lg_status lg_rocket_prune(lg_features *features, const uint32_t *keep, size_t co
     LG_TRY(check_keep(features, keep, count, error));
     const lg_rocket *from = &features->rocket;
     const lg_context *context = features->context;
-    lg_rocket to = {.convolution = lg_alloc(context, from->count, sizeof *to.convolution),
-                    .channel = lg_alloc(context, from->listed, sizeof *to.channel),
-                    .bias = lg_alloc(context, count, sizeof *to.bias),
-                    .mean = lg_alloc(context, features->channels, sizeof *to.mean)};
-    if (to.convolution == NULL || to.channel == NULL || to.bias == NULL || to.mean == NULL) {
+    lg_rocket to = {0};
+    if (LG_ALLOC_ALL(context, LG_ARRAY(to.convolution, from->count), LG_ARRAY(to.channel, from->listed),
+                     LG_ARRAY(to.bias, count), LG_ARRAY(to.mean, features->channels)) != LG_OK) {
         lg_rocket_destroy(context, &to);
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu features", count);
     }
