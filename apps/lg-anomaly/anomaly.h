@@ -93,10 +93,6 @@ void merge_classes(const app *self, const char *path, lg_series_data *data, cons
 
 /* ---- judging ---- */
 
-/* Appends a vote to *votes, whose bits are the last n (1 to 64) votes, the latest in bit 0. Returns how many
- * of them are for. */
-uint32_t cast_vote(uint64_t *votes, uint32_t n, bool is_for);
-
 /* Adds the results of lg_detector_tell. */
 void put_metrics(app_json *out, const lg_judgement *judged, const well_model *model);
 

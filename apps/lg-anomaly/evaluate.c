@@ -102,7 +102,7 @@ static void watch_window(const evaluation *e, watching *state, size_t i, double 
         out->damaged++;
     }
     const bool before = state->alarm, positive = judged->given[i] != judged->healthy;
-    state->alarm = cast_vote(&state->votes, values.votes.values[1], positive) >= values.votes.values[0];
+    state->alarm = lg_cast_vote(&state->votes, values.votes.values[1], positive) >= values.votes.values[0];
     if (!state->damaged) {
         out->false_alarms += state->alarm && !before;
         out->intact_time += (double)e->run->hop * unit;

@@ -123,11 +123,6 @@ void merge_classes(const app *self, const char *path, lg_series_data *data, cons
 
 /* ---- judging ---- */
 
-uint32_t cast_vote(uint64_t *votes, uint32_t n, bool is_for) {
-    *votes = (*votes << 1 | is_for) & (UINT64_MAX >> (64 - n));
-    return (uint32_t)__builtin_popcountll(*votes);
-}
-
 lg_scorer well_model_scorer(const well_model *model) {
     return (lg_scorer){.score = well_model_score,
                        .model = model,

@@ -98,7 +98,7 @@ static void blame_silence(watching *self, lg_verdict *v) {
     silence *s = &self->silence;
     const bool silent =
         !v->scored && isfinite(self->bench.farthest) && 2 * s->without[most_silent(self)] > s->samples;
-    const uint32_t votes = cast_vote(&s->windows, voters(), silent);
+    const uint32_t votes = lg_cast_vote(&s->windows, voters(), silent);
     if (silent) v->answer = LG_ANSWER_NOVEL;
     if (votes > v->novel_votes) v->novel_votes = votes;
     v->novel = v->novel || votes >= values.votes.values[0];

@@ -12,6 +12,13 @@
              .otherwise = LG_CHOSEN                                                                          \
              ": the model's, attribute healthy of the data, or the only class whose name says so")
 
+/* Appends a vote to *votes, whose bits are the last n (1 to 64) votes, the latest in bit 0. Returns how many
+ * of them are for. */
+static inline uint32_t lg_cast_vote(uint64_t *votes, uint32_t n, bool is_for) {
+    *votes = (*votes << 1 | is_for) & (UINT64_MAX >> (64 - n));
+    return (uint32_t)__builtin_popcountll(*votes);
+}
+
 /* A data file and the windows cut out of it. */
 typedef struct lg_cut_series {
     lg_series_data data;

@@ -3,7 +3,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "anomaly/judge.h"
 #include "core/portions.h"
+#include "kernels/kernels.h"
 #include "liegrad/anomaly.h"
 
 /* Sample number s of the feed is in slot s % window of the ring. All arrays are behind the structure in the
@@ -134,14 +136,8 @@ static void fill_gap(lg_monitor *monitor, const float *sample) {
     }
 }
 
-static bool is_finite(const float *sample, uint32_t channels) {
-    for (uint32_t c = 0; c < channels; c++)
-        if (!isfinite(sample[c])) return false;
-    return true;
-}
-
 static void store(lg_monitor *monitor, const float *sample) {
-    const bool lost = sample == NULL || !is_finite(sample, monitor->channels);
+    const bool lost = sample == NULL || !lg_kernels_for(LG_F32)->all_finite(monitor->channels, sample);
     const size_t row = monitor->channels * sizeof *sample;
     if (lost) {
         monitor->gap++;
@@ -171,14 +167,12 @@ static void copy_window(lg_monitor *monitor) {
 }
 
 static void vote(lg_monitor *monitor, lg_answer answer) {
-    const uint64_t kept = monitor->votes_of == 64 ? UINT64_MAX : ((uint64_t)1 << monitor->votes_of) - 1;
-    const bool novel = answer == LG_ANSWER_NOVEL;
-    monitor->novels = (monitor->novels << 1 | novel) & kept;
-    monitor->novel = (uint32_t)__builtin_popcountll(monitor->novels) >= monitor->votes;
+    const uint32_t of = monitor->votes_of;
+    const bool novel = answer == LG_ANSWER_NOVEL, positive = answer == LG_ANSWER_POSITIVE;
+    monitor->novel = lg_cast_vote(&monitor->novels, of, novel) >= monitor->votes;
     if (novel) return;
-    monitor->ballots = (monitor->ballots << 1 | (answer == LG_ANSWER_POSITIVE)) & kept;
-    if (monitor->cast < monitor->votes_of) monitor->cast++;
-    monitor->alarm = (uint32_t)__builtin_popcountll(monitor->ballots) >= monitor->votes;
+    monitor->alarm = lg_cast_vote(&monitor->ballots, of, positive) >= monitor->votes;
+    if (monitor->cast < of) monitor->cast++;
 }
 
 lg_status lg_monitor_push(lg_monitor *monitor, const float *sample, bool *ready, lg_verdict *verdict) {
