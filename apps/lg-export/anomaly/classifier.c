@@ -4,11 +4,9 @@
 
 #include <string.h>
 
-enum { STACK = 1024, NAMED_FEATURES = 64 };
+#include "anomaly/classify/classify_internal.h"
 
-static bool is_svm(const lg_classifier *c) {
-    return c->method == LG_METHOD_SVM_LINEAR || c->method == LG_METHOD_SVM_RBF;
-}
+enum { STACK = 1024, NAMED_FEATURES = 64 };
 
 /* ---- arrays ---- */
 
@@ -130,17 +128,13 @@ static void add_places(const classifier_job *j, size_t program_work) {
 }
 
 static void add_fragments(const classifier_job *j) {
-    static const char *const kinds[LG_FEATURE_KIND_COUNT] = {
-        [LG_FEATURES_RAW] = "features_raw",           [LG_FEATURES_STD] = "features_std",
-        [LG_FEATURES_COV] = "features_cov",           [LG_FEATURES_SPECTRUM] = "features_spectrum",
-        [LG_FEATURES_BASELINE] = "features_baseline", [LG_FEATURES_ROCKET] = "features_rocket",
-    };
     const lg_feature_kind kind = j->c->features.kind;
     const bool centred = kind != LG_FEATURES_RAW && kind != LG_FEATURES_ROCKET,
                deviations = kind == LG_FEATURES_STD || kind == LG_FEATURES_BASELINE,
                slopes = !classifier_is_constant(j->c);
-    char vjp[64];
-    (void)snprintf(vjp, sizeof vjp, "%s_vjp", kinds[kind]);
+    char features[64], vjp[80];
+    (void)snprintf(features, sizeof features, "features_%s", lg_feature_kind_name(kind));
+    (void)snprintf(vjp, sizeof vjp, "%s_vjp", features);
     const struct {
         const char *name;
         bool wanted;
@@ -148,7 +142,7 @@ static void add_fragments(const classifier_job *j) {
                      {"features_centre", centred},
                      {"features_cov_factor", kind == LG_FEATURES_COV},
                      {"features_segment", kind == LG_FEATURES_SPECTRUM},
-                     {kinds[kind], true},
+                     {features, true},
                      {"features_deviation_vjp", slopes && deviations},
                      {vjp, slopes},
                      {"detector_class", true},
@@ -224,7 +218,7 @@ static void add_words(const classifier_job *j, const export_window *window) {
     add_features_words(j, to);
     if (j->c->method == LG_METHOD_TREE)
         lg_text_add(to, "tree          %u nodes, depth %u\n", j->c->tree.count, j->c->tree.depth);
-    if (is_svm(j->c))
+    if (lg_method_is_svm(j->c->method))
         lg_text_add(to, "svm           %u support vectors, C %.6g%s\n", j->c->svm.vectors, j->c->svm.c,
                     j->c->method == LG_METHOD_SVM_LINEAR ? ", summed up to one vector a pair of classes"
                                                          : "");
@@ -246,7 +240,8 @@ static void add_words(const classifier_job *j, const export_window *window) {
 
 static void check(const classifier_job *j, const app *self) {
     const lg_classifier *c = j->c;
-    if (c->features.count == 0 || c->features.count != c->pca.inputs || (is_svm(c) && c->svm.vectors == 0))
+    if (c->features.count == 0 || c->features.count != c->pca.inputs ||
+        (lg_method_is_svm(c->method) && c->svm.vectors == 0))
         app_stop(self, LG_FILE, "%s: the classifier has no features, or no support vectors",
                  j->source->options->file);
 }
@@ -261,8 +256,8 @@ static export_window window_of(const classifier_file *file) {
     const lg_classifier *c = &file->classifier;
     export_window out = {file->names, file->run.healthy, file->accuracy, file->f1, NULL, NULL};
     out.names.length = c->features.length;
-    out.scores = is_svm(c) || c->method == LG_METHOD_RIDGE ? "scores" : "probabilities";
-    out.score_words = score_words[!is_svm(c) ? 0 : c->classes == 2 ? 1 : 2];
+    out.scores = lg_method_is_svm(c->method) || c->method == LG_METHOD_RIDGE ? "scores" : "probabilities";
+    out.score_words = score_words[!lg_method_is_svm(c->method) ? 0 : c->classes == 2 ? 1 : 2];
     return out;
 }
 
