@@ -7,6 +7,7 @@
 #include "core/clean.h"
 #include "liegrad/ops.h"
 #include "anomaly/detector_internal.h"
+#include "model/record.h"
 
 /* ---- data ---- */
 
@@ -74,56 +75,19 @@ void lg_detector_data_destroy(lg_detector_data *data) {
 
 /* ---- loss ---- */
 
-/* Copies n numbers and converts them from type `from` to type `to`. */
-static void copy_numbers(lg_dtype from, lg_dtype to, size_t n, const char *x, void *out) {
-    if (from == to)
-        memcpy(out, x, n * lg_kernels_for(to)->size);
-    else if (to == LG_F64)
-        lg_kernels_for(from)->convert_out(n, (const void *)x, out);
-    else
-        lg_kernels_for(to)->convert_in(n, (const void *)x, out);
-}
-
 lg_var lg_detector_put_windows(const lg_detector_problem *problem, lg_tape *tape, const uint32_t *samples,
                                uint32_t count) {
     const lg_cnn *net = &problem->model->net;
-    const lg_detector_data *data = problem->data;
-    const lg_dtype to = lg_tape_dtype(tape);
-    const size_t numbers = (size_t)net->length * net->channels;
-    const size_t from_row = numbers * lg_kernels_for(data->dtype)->size;
-    const size_t to_row = numbers * lg_kernels_for(to)->size;
-    void *values;
-    const lg_var x = lg_input_buffer(tape, lg_shape3(count, net->length, net->channels), &values);
-    if (lg_is_none(x)) return x;
-    for (size_t i = 0; i < count; i++)
-        copy_numbers(data->dtype, to, numbers, (const char *)data->x + samples[i] * from_row,
-                     (char *)values + i * to_row);
-    return x;
-}
-
-/* Puts the targets (count, outputs) on the tape. With one output the target is the label; with more outputs
- * it is one-hot, 1 in the label's column. */
-static lg_var put_targets(const lg_detector_problem *problem, lg_tape *tape, const uint32_t *samples,
-                          uint32_t count) {
-    const uint32_t outputs = problem->model->net.outputs;
-    const lg_kernels *k = lg_kernels_for(lg_tape_dtype(tape));
-    void *values;
-    const lg_var target = lg_input_buffer(tape, lg_shape2(count, outputs), &values);
-    if (lg_is_none(target)) return target;
-    k->fill((size_t)count * outputs, 0.0, values);
-    for (size_t i = 0; i < count; i++) {
-        const size_t label = problem->data->label[samples[i]];
-        const size_t at = outputs == 1 ? i : i * outputs + label;
-        k->fill(1, outputs == 1 ? (double)label : 1.0, (char *)values + at * k->size);
-    }
-    return target;
+    return lg_record_rows(tape, problem->data->dtype, problem->data->x,
+                          lg_shape3(count, net->length, net->channels), samples);
 }
 
 static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                             size_t batch, lg_var *loss) {
     const lg_detector_problem *problem = user;
     const lg_var x = lg_detector_put_windows(problem, tape, samples, (uint32_t)count);
-    const lg_var target = put_targets(problem, tape, samples, (uint32_t)count);
+    const lg_var target =
+        lg_record_labels(tape, problem->data->label, problem->model->net.outputs, samples, (uint32_t)count);
     const lg_var y = lg_cnn_record(tape, &problem->model->net, theta, 0, x, NULL);
     lg_var mean;
     if (problem->model->loss == LG_DETECTOR_MSE)

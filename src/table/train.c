@@ -15,27 +15,7 @@ enum { CHUNK = 256 };
 /* Rows `samples` of values (.., columns) as a variable (count, columns). */
 static lg_var put_rows(lg_tape *tape, const double *values, uint32_t columns, const uint32_t *samples,
                        size_t count) {
-    const lg_kernels *k = lg_kernels_for(lg_tape_dtype(tape));
-    void *to;
-    const lg_var x = lg_input_buffer(tape, lg_shape2((uint32_t)count, columns), &to);
-    for (size_t i = 0; i < count && !lg_is_none(x); i++)
-        k->convert_in(columns, values + (size_t)samples[i] * columns, (char *)to + i * columns * k->size);
-    return x;
-}
-
-static lg_var put_classes(lg_tape *tape, const lg_table_problem *problem, const uint32_t *samples,
-                          size_t count) {
-    const uint32_t classes = problem->model->net.outputs;
-    const lg_kernels *k = lg_kernels_for(lg_tape_dtype(tape));
-    void *to;
-    const lg_var t = lg_input_buffer(tape, lg_shape2((uint32_t)count, classes), &to);
-    if (lg_is_none(t)) return t;
-    k->fill(count * classes, 0.0, to);
-    for (size_t i = 0; i < count; i++) {
-        const size_t label = problem->samples->label[samples[i]];
-        if (label < classes) k->fill(1, 1.0, (char *)to + (i * classes + label) * k->size);
-    }
-    return t;
+    return lg_record_rows(tape, LG_F64, values, lg_shape2((uint32_t)count, columns), samples);
 }
 
 /* The residuals f - t of a regression, (count, outputs). */
@@ -59,7 +39,7 @@ static lg_status loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *s
     }
     const lg_var z = put_rows(tape, problem->samples->x, net->inputs, samples, count);
     const lg_var f = lg_table_record(tape, problem->model, theta, z, NULL);
-    const lg_var t = put_classes(tape, problem, samples, count);
+    const lg_var t = lg_record_labels(tape, problem->samples->label, net->outputs, samples, (uint32_t)count);
     *out = lg_scale(tape, lg_loss_record(tape, LG_LOSS_CROSS_ENTROPY, f, t, LG_NONE), share);
     return lg_tape_status(tape);
 }
