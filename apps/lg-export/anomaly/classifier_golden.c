@@ -173,18 +173,15 @@ static bool is_steady(drawing *d, const double *y, const double *jacobian) {
     const classifier_job *j = d->j;
     const size_t inputs = j->source->inputs, size = j->outputs * inputs;
     const bool tree = j->c->method == LG_METHOD_TREE;
-    double change = 0, length = 0;
     for (size_t i = 0; i < inputs; i++)
         if (lg_rng_uniform(&d->rng) < 0.5)
             d->window[i] += (tree ? 64 : 1) * (nextafterf(d->window[i], INFINITY) - d->window[i]);
     if (!decide_with_jacobian(d, d->moved, d->moved + j->outputs)) return false;
     if (tree) return memcmp(d->moved, y, j->outputs * sizeof *y) == 0;
-    for (size_t i = 0; i < size; i++) {
-        change += pow(d->moved[j->outputs + i] - jacobian[i], 2);
-        length += jacobian[i] * jacobian[i];
-    }
-    const double allowed = MOST_GROWTH * (double)j->source->depth * j->source->condition;
-    return sqrt(change) <= allowed * (double)FLT_EPSILON * sqrt(length) || length == 0;
+    const double allowed = MOST_GROWTH * (double)j->source->depth * j->source->condition,
+                 change = export_norm(d->moved + j->outputs, jacobian, size),
+                 length = export_norm(jacobian, NULL, size);
+    return change <= allowed * (double)FLT_EPSILON * length || length == 0;
 }
 
 /* Draws a window whose features are about as far from their means as in training, times `spread`. */
