@@ -84,16 +84,13 @@ static void add_features(const classifier_job *j) {
 
 /* ---- code ---- */
 
+/* The code is the library's, where the window lies before it and the waves of a spectrum behind it. */
 static size_t features_work(const lg_features *f) {
-    const size_t m = f->selected, length = f->length;
-    switch (f->kind) {
-    case LG_FEATURES_SPECTRUM:
-        return 2 * length + f->spectrum.segment + m * f->bands;
-    case LG_FEATURES_ROCKET:
-        return 2 * m * (length + rocket_margin(&f->rocket)) + length;
-    default: /* the same code as in the library, where the window lies before it */
-        return lg_features_work_size(f) / sizeof(double) - f->channels * length;
-    }
+    const size_t length = f->length,
+                 waves = f->kind == LG_FEATURES_SPECTRUM ? lg_spectrum_work(&f->spectrum) : 0;
+    return f->kind == LG_FEATURES_ROCKET
+               ? 2 * f->selected * (length + rocket_margin(&f->rocket)) + length
+               : lg_features_work_size(f) / sizeof(double) - f->channels * length - waves;
 }
 
 /* Adds the functions of the program, which need the longest of their work memories. */

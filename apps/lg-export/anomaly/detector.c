@@ -114,19 +114,15 @@ static bool is_smooth(export_model *m, size_t v) {
     const double *x = source->golden.x + v * n, *jacobian = source->golden.jacobian + v * all;
     const double eps = export_eps(source->options);
     APP_FREE double *near = app_alloc(all + n, sizeof *near);
-    double *moved = near + all, sum = 0, change = 0;
+    double *moved = near + all, change = 0;
     for (int side = 0; side < 2 && has_kinks(file); side++) {
         for (size_t i = 0; i < n; i++)
             moved[i] =
                 x[i] + 8 * eps * lg_rng_normal(&m->rng) * file->scaler.scale[i / file->run.model.net.length];
         lg_model_jacobian(m->file->model, moved, NULL, near, m->work);
-        for (size_t i = 0; i < all; i++) {
-            sum += jacobian[i] * jacobian[i];
-            change += (near[i] - jacobian[i]) * (near[i] - jacobian[i]);
-        }
+        change = hypot(change, export_norm(near, jacobian, all));
     }
-    const double bound = 10 * eps * (double)source->depth;
-    return change <= bound * bound * sum;
+    return change <= 10 * eps * (double)source->depth * sqrt(2) * export_norm(jacobian, NULL, all);
 }
 
 const export_kind export_kind_detector = {.recipe = &lg_recipe_detector,
