@@ -32,7 +32,7 @@ typedef struct lg_policy_seen { /* positions and velocities, (B, ...); v LG_NONE
 } lg_policy_seen;
 /* Record the errors z (B, errors; `counted`: with q - goal for an angle, on the real line), the sum of the
  * costs of positions and velocities (B, 1), the features of a network (B, lg_policy_features), and positions
- * from positions as controllers get them. */
+ * from positions as controllers get them (`given`: the other way around). */
 lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy *p, bool counted, lg_policy_seen seen);
 /* The sum over turning coordinates of factors[i] (4 sin^2(a/2) - |z_i|^2), (B, 1): what the errors lose
  * near the opposite side. LG_NONE: no coordinate turns. */
@@ -42,7 +42,7 @@ lg_var lg_policy_record_stage(lg_tape *tape, const lg_policy *p, lg_policy_seen 
 uint32_t lg_policy_features(const lg_policy_task *task);
 lg_var lg_policy_record_features(lg_tape *tape, const lg_policy *p, const double *scales,
                                  lg_policy_seen seen);
-lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy *p, lg_var given);
+lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy *p, bool given, lg_var q);
 /* Record the position and velocity at the errors z from the goal: a rotation turns by the vector z. */
 lg_policy_seen lg_policy_record_place(lg_tape *tape, const lg_policy *p, lg_var z);
 /* Sensors' noise. noise (B, n) has numbers for the positions, then for the velocities, 3 for a direction or
@@ -180,6 +180,8 @@ lg_status lg_policy_add_disturbed_regulator(lg_policy *policy, lg_error *error);
  * y (B, inputs), how (B, LG_POLICY_PLANNED). */
 enum { LG_POLICY_BEYOND = 2, LG_POLICY_PENALTY = 3, LG_POLICY_PLANNED = 4 };
 lg_status lg_policy_add_planned(lg_policy *policy, lg_error *error);
+/* Adds sensed (x) -> x of `control` to a program that has the policy's functions. */
+LG_API lg_status lg_policy_add_sensed(const lg_policy *policy, lg_program *program, lg_error *error);
 /* A plan of a function of the program for `rows` rows. */
 LG_API lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype dtype, size_t rows,
                                 lg_plan **out, lg_error *error);
@@ -225,8 +227,8 @@ LG_API lg_status lg_policy_states_at(const lg_policy *policy, const double *q, c
 /* Whether one of the inputs u is at a limit, to a thousandth of its range. */
 LG_API bool lg_policy_at_limit(const lg_policy *policy, const double *u);
 /* States (count, state) from errors z (count, errors), by the function retract. */
-lg_status lg_policy_states(const lg_policy *policy, const double *z, size_t count, double *x,
-                           lg_error *error);
+LG_API lg_status lg_policy_states(const lg_policy *policy, const double *z, size_t count, double *x,
+                                  lg_error *error);
 /* Draws the states (count, state) of starts and, unless u is NULL, inputs (count, inputs) in their limits. */
 LG_API lg_status lg_policy_starts(const lg_policy *policy, lg_rng *rng, size_t count, double *x, double *u,
                                   lg_error *error);

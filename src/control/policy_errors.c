@@ -17,7 +17,8 @@ typedef struct motion {
     lg_var (*sine)(lg_tape *tape, const double *goal, const double *basis, lg_var q);
     lg_var (*cosine)(lg_tape *tape, const double *goal, lg_var q);      /* cos a (B, 1); NULL: a line */
     lg_var (*features_of)(lg_tape *tape, const double *goal, lg_var q); /* NULL: errors of a line, or q */
-    lg_var (*given)(lg_tape *tape, lg_var q); /* position from the controller's; NULL: the same numbers */
+    /* The position from the controller's, and the controller's from the position; NULL: the same numbers. */
+    lg_var (*given)(lg_tape *tape, lg_var q), (*sensed)(lg_tape *tape, lg_var q);
     lg_var (*noisy)(lg_tape *tape, lg_var q, lg_var n); /* q with the noise n */
     lg_var (*place)(lg_tape *tape, const double *goal, const double *basis, lg_var z); /* q from errors */
 } motion;
@@ -139,38 +140,68 @@ static lg_var rotation_place(lg_tape *tape, const double *goal, const double *ba
     return lg_add(tape, turn_by(tape, t, z), lg_input_f64(tape, lg_shape2(1, 9), goal));
 }
 
+/* The products ww wx wy wz xx xy xz yy yz zz of a unit quaternion -> R row-major. */
+static const double rotation_map[90] = {
+    1, 0, 0, 0, 1,  0, 0,  0, 1,  /* ww */ 0,  0,  0, 0, 0,  -2, 0, 2, 0,  /* wx */
+    0, 0, 2, 0, 0,  0, -2, 0, 0,  /* wy */ 0,  -2, 0, 2, 0,  0,  0, 0, 0,  /* wz */
+    1, 0, 0, 0, -1, 0, 0,  0, -1, /* xx */ 0,  2,  0, 2, 0,  0,  0, 0, 0,  /* xy */
+    0, 0, 2, 0, 0,  0, 2,  0, 0,  /* xz */ -1, 0,  0, 0, 1,  0,  0, 0, -1, /* yy */
+    0, 0, 0, 0, 0,  2, 0,  2, 0,  /* yz */ -1, 0,  0, 0, -1, 0,  0, 0, 1 /* zz */};
+
 /* R from a quaternion w x y z of any length but 0: products of two numbers of it, then a linear map. */
 static lg_var rotation_given(lg_tape *tape, lg_var q) {
     static const uint32_t first[10] = {0, 0, 0, 0, 1, 1, 1, 2, 2, 3},
                           second[10] = {0, 1, 2, 3, 1, 2, 3, 2, 3, 3};
-    /* ww wx wy wz xx xy xz yy yz zz -> R row-major */
-    static const double map[90] = {
-        1, 0, 0, 0, 1,  0, 0,  0, 1,  /* ww */ 0,  0,  0, 0, 0,  -2, 0, 2, 0,  /* wx */
-        0, 0, 2, 0, 0,  0, -2, 0, 0,  /* wy */ 0,  -2, 0, 2, 0,  0,  0, 0, 0,  /* wz */
-        1, 0, 0, 0, -1, 0, 0,  0, -1, /* xx */ 0,  2,  0, 2, 0,  0,  0, 0, 0,  /* xy */
-        0, 0, 2, 0, 0,  0, 2,  0, 0,  /* xz */ -1, 0,  0, 0, 1,  0,  0, 0, -1, /* yy */
-        0, 0, 0, 0, 0,  2, 0,  2, 0,  /* yz */ -1, 0,  0, 0, -1, 0,  0, 0, 1 /* zz */};
     lg_var product[10];
     for (int k = 0; k < 10; k++)
         product[k] = lg_mul(tape, lg_slice(tape, q, 1, first[k], 1), lg_slice(tape, q, 1, second[k], 1));
     const lg_var R =
-        lg_matmul(tape, lg_concat(tape, product, 10, 1), lg_input_f64(tape, lg_shape2(10, 9), map));
+        lg_matmul(tape, lg_concat(tape, product, 10, 1), lg_input_f64(tape, lg_shape2(10, 9), rotation_map));
     return lg_div(tape, R, lg_rownorm2(tape, q));
+}
+
+/* The unit quaternion q of R: the row of 4 q q^T with the largest number on the diagonal, scaled to length 1.
+ * The products of q are linear in R, by the transpose of the map of rotation_given. */
+static lg_var rotation_sensed(lg_tape *tape, lg_var R) {
+    static const double half[10] = {1, 0.5, 0.5, 0.5, 1, 0.5, 0.5, 1, 0.5, 1},
+                        one[10] = {1, 0, 0, 0, 1, 0, 0, 1, 0, 1};
+    static const uint32_t of_row[4][4] = {{0, 1, 2, 3}, {1, 4, 5, 6}, {2, 5, 7, 8}, {3, 6, 8, 9}};
+    const lg_shape row = lg_shape2(1, 10);
+    const lg_var linear = lg_matmul_nt(tape, R, lg_input_f64(tape, lg_shape2(10, 9), rotation_map)),
+                 products = lg_add(tape, lg_mul(tape, linear, lg_input_f64(tape, row, half)),
+                                   lg_input_f64(tape, row, one));
+    lg_var best[4], most = LG_NONE;
+    for (uint32_t i = 0; i < 4; i++) {
+        const lg_var own = lg_columns(tape, products, of_row[i][i], 1),
+                     keep = i == 0 ? LG_NONE : lg_ge(tape, most, own);
+        for (uint32_t j = 0; j < 4; j++) {
+            const lg_var number = lg_columns(tape, products, of_row[i][j], 1);
+            best[j] = i == 0 ? number : lg_select(tape, keep, best[j], number);
+        }
+        most = i == 0 ? own : lg_max(tape, most, own);
+    }
+    return direction_given(tape, lg_concat(tape, best, 4, 1));
 }
 
 /* The row behind the motions is of free lines and angles. */
 enum { FREE = LG_POLICY_MOTION_COUNT };
 
 static const motion motions[LG_POLICY_MOTION_COUNT + 1] = {
-    [LG_POLICY_LINE] = {{"line", 1, 1, 1, 1, 1}, 1, from_goal, NULL, NULL, NULL, line_noisy, line_place},
-    [LG_POLICY_ANGLE] =
-        {{"angle", 1, 1, 1, 1, 1}, 2, angle_sine, angle_cosine, angle_features, NULL, line_noisy, line_place},
+    [LG_POLICY_LINE] = {{"line", 1, 1, 1, 1, 1}, 1, from_goal, .noisy = line_noisy, .place = line_place},
+    [LG_POLICY_ANGLE] = {{"angle", 1, 1, 1, 1, 1},
+                         2,
+                         angle_sine,
+                         angle_cosine,
+                         angle_features,
+                         .noisy = line_noisy,
+                         .place = line_place},
     [LG_POLICY_DIRECTION] = {{"direction", 3, 3, 3, 2, 2},
                              3,
                              direction_sine,
                              direction_cosine,
                              NULL,
                              direction_given,
+                             NULL,
                              direction_noisy,
                              direction_place},
     [LG_POLICY_ROTATION] = {{"rotation", 9, 4, 3, 3, 3},
@@ -179,6 +210,7 @@ static const motion motions[LG_POLICY_MOTION_COUNT + 1] = {
                             rotation_cosine,
                             turned,
                             rotation_given,
+                            rotation_sensed,
                             rotation_noisy,
                             rotation_place},
     [FREE] = {{"free", 1, 1, 1, 0, 1}, .noisy = line_noisy, .place = free_place}};
@@ -403,12 +435,15 @@ lg_policy_seen lg_policy_record_place(lg_tape *tape, const lg_policy *p, lg_var 
                             n > 0 ? lg_joined(tape, v, n) : LG_NONE};
 }
 
-lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy *p, lg_var given) {
+lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy *p, bool given, lg_var q) {
     lg_var parts[LG_POLICY_COORDINATES];
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const motion *m = motion_of(&p->task.coordinate[i]);
-        parts[i] = lg_columns(tape, given, p->layout.at[i].given, m->sizes.given);
-        if (m->given != NULL) parts[i] = m->given(tape, parts[i]);
+        const lg_policy_place *at = &p->layout.at[i];
+        lg_var (*const converted)(lg_tape *, lg_var) = given ? m->sensed : m->given;
+        parts[i] = given ? lg_columns(tape, q, at->position, m->sizes.position)
+                         : lg_columns(tape, q, at->given, m->sizes.given);
+        if (converted != NULL) parts[i] = converted(tape, parts[i]);
     }
     return lg_joined(tape, parts, p->task.coordinate_count);
 }

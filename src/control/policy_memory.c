@@ -331,7 +331,7 @@ LG_POLICY_RECORDING(record_remember) {
             lags_after(tape, p, lg_columns(tape, in[0], given - behind - m->lags, m->lags), x, in[1]);
     n += move_lines(tape, p, true, x, in[1], parts + n);
     if (m->integrals > 0) {
-        lg_policy_seen seen = {lg_policy_record_positions(tape, p, lg_columns(tape, in[0], 0, given)),
+        lg_policy_seen seen = {lg_policy_record_positions(tape, p, false, lg_columns(tape, in[0], 0, given)),
                                LG_NONE};
         if (p->layout.velocities > 0) seen.v = lg_columns(tape, in[0], given, p->layout.velocities);
         parts[n++] = integrals_after(tape, p, lg_columns(tape, kept, m->lines, m->integrals),

@@ -186,9 +186,16 @@ static lg_var call_policy(lg_tape *tape, const lg_policy *p, lg_policy_seen seen
     return lg_program_call(tape, "policy", 0, in);
 }
 
+/* The state as `control` takes it. */
+LG_POLICY_RECORDING(record_sensed) {
+    const lg_policy_seen seen = seen_of(p, tape, in[0]);
+    const lg_var parts[2] = {lg_policy_record_positions(tape, p, true, seen.q), seen.v};
+    out[0] = moves(p) ? lg_concat(tape, parts, 2, 1) : parts[0];
+}
+
 LG_POLICY_RECORDING(record_control) {
     const lg_policy_layout *l = &p->layout;
-    lg_policy_seen seen = {lg_policy_record_positions(tape, p, lg_slice(tape, in[0], 1, 0, l->given)),
+    lg_policy_seen seen = {lg_policy_record_positions(tape, p, false, lg_slice(tape, in[0], 1, 0, l->given)),
                            LG_NONE};
     if (moves(p)) seen.v = lg_slice(tape, in[0], 1, l->given, l->velocities);
     out[0] = call_policy(tape, p, seen,
@@ -447,6 +454,12 @@ lg_status lg_policy_add_planned(lg_policy *p, lg_error *error) {
                           {.name = "how", .shape = lg_shape1(LG_POLICY_PLANNED), .low = 0, .high = 1}};
     LG_TRY(add(p, "planned", record_planned, in, 3, OUTS("next", "cost", "u"), error));
     return adjoint(p, "planned", (const char *const[]){"x", "y"}, 2, OUTS("next", "cost"), 2, error);
+}
+
+lg_status lg_policy_add_sensed(const lg_policy *p, lg_program *program, lg_error *error) {
+    const lg_port x = ports_of(p).x, out = {.name = "sensed"};
+    const lg_function_spec spec = {"sensed", &x, 1, &out, 1, record_sensed, (void *)(uintptr_t)p};
+    return lg_program_add_function(program, &spec, error);
 }
 
 lg_status lg_policy_add_functions(lg_policy *p, lg_error *error) {

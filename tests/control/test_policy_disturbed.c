@@ -157,7 +157,9 @@ TEST(
     at = lg_policy_record_noise(tape, &p, at, lg_input_f64(tape, lg_shape2(1, 12), n));
     assert_ok(lg_read(tape, at.q, 12, seen));
     const double given[7] = {[2] = 2.0, [6] = -1.00001}; /* a quaternion, then the direction */
-    at.q = lg_policy_record_positions(tape, &p, lg_input_f64(tape, lg_shape2(1, 7), given));
+    at.q = lg_policy_record_positions(tape, &p, false, lg_input_f64(tape, lg_shape2(1, 7), given));
+    /* From the half turn to its quaternion, and back. */
+    at.q = lg_policy_record_positions(tape, &p, false, lg_policy_record_positions(tape, &p, true, at.q));
     assert_ok(lg_read(tape, lg_policy_record_errors(tape, &p, false, at), p.layout.errors, z));
     lg_tape_destroy(tape);
     for (uint32_t i = 0; i < p.layout.errors; i++) assert_close(z[i], 0.0, 0.0, 1e-9);

@@ -88,8 +88,7 @@ static void open_policy(const app *self, const char *path, export_source *source
     out->task = lg_policy_task_of(out->policy);
     out->inputs = out->task->input_count;
     lg_policy_lay_out(out->task, &out->layout);
-    out->positions = out->layout.positions, out->given = out->layout.given;
-    out->velocities = out->layout.velocities;
+    out->given = out->layout.given, out->velocities = out->layout.velocities;
 }
 
 static void close_policy(export_policy_job *j) {
@@ -162,6 +161,7 @@ lg_var export_policy_inverse(lg_tape *tape, const export_policy_job *j, lg_var x
 static void load_program(export_policy_job *j, const char *path) {
     APP_FILE(j->self, path, lg_program_load, NULL, &j->program);
     j->state = export_numbers(export_ports_of(j->program, "period").in, 1);
+    EXPORT_MUST(j, lg_policy_add_sensed(j->policy, j->program, &error));
     /* export_whole rounds again, and counts what is lost. */
     const size_t lost = j->source->lost;
     APP_MUST(j->self, export_round_parameters(j->source, j->program));

@@ -13,8 +13,8 @@ typedef struct export_policy_job {
     const lg_policy_task *task;
     char *text;          /* The task as it was written. */
     lg_program *program; /* Has parameters that are rounded to the exported type. */
-    /* Numbers of positions, of positions as NAME_control takes them, of velocities, of the plant's state. */
-    size_t positions, given, velocities, state, inputs;
+    /* Numbers of positions as NAME_control takes them, of velocities, of the plant's state, of inputs. */
+    size_t given, velocities, state, inputs;
     lg_policy_layout layout;
     text declarations; /* Of functions that are not in the program, for NAME.h. */
 } export_policy_job;

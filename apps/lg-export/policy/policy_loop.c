@@ -4,33 +4,27 @@
 #include <string.h>
 
 #include "lg-export/policy/policy.h"
-#include "liegrad/geometry.h"
 
 enum { PATHS = 8, SEGMENTS = 16, LOOP_STREAM = 12, PERIODS = 200 };
 
 /* ---- runs of the library ---- */
 
-/* The closed loop in the library: the plant and the policy, which sees positions and velocities. */
-enum { PERIOD, POLICY, NARROW, SEEN, RATES, EVALUATIONS }; /* NARROW: the policy in single precision */
+/* The closed loop in the library: the plant, and the controller, which sees what its sensors do. */
+enum { SENSED, CONTROL, NARROW, PERIOD, EVALUATIONS }; /* NARROW: the controller in single precision */
 typedef struct export_loop {
     export_evaluation e[EVALUATIONS];
-    bool moves;
-    double *seen;    /* Positions, velocities and weights: the inputs of `policy`. */
+    double *seen;    /* What the controller takes. */
     double *x, *row; /* State and input: the inputs of `period`; and a row of results. */
     const export_policy_job *job;
 } export_loop;
 
 static void open_loop(const export_policy_job *j, export_loop *l) {
-    static const char *const names[EVALUATIONS] = {"period", "policy", "policy", "positions", "velocities"};
-    const size_t seen = j->positions + j->velocities, n = lg_program_parameters(j->program);
-    const size_t weights = lg_policy_parameters(j->policy);
-    *l = (export_loop){.job = j, .moves = j->velocities > 0};
-    l->seen = app_keep(seen + weights, sizeof *l->seen);
+    static const char *const names[EVALUATIONS] = {"sensed", "control", "control", "period"};
+    *l = (export_loop){.job = j};
+    l->seen = app_keep(j->given + j->velocities, sizeof *l->seen);
     l->x = app_keep(j->state + j->inputs, sizeof *l->x);
-    l->row = app_keep(j->state + j->inputs + seen, sizeof *l->row);
-    if (weights > 0)
-        memcpy(l->seen + seen, lg_program_parameter(j->program, n - 1).values, weights * sizeof *l->seen);
-    for (size_t i = 0, at; i < (l->moves ? EVALUATIONS : SEEN); i++) {
+    l->row = app_keep(j->state + j->inputs, sizeof *l->row);
+    for (size_t i = 0, at; i < EVALUATIONS; i++) {
         EXPORT_MUST(j, lg_program_find(j->program, names[i], &at, &error));
         EXPORT_MUST(
             j, export_evaluation_open(j->program, at, i == NARROW ? LG_F32 : LG_F64, 0, &l->e[i], &error));
@@ -41,18 +35,13 @@ static void close_loop(export_loop *l) {
     for (size_t i = 0; i < EVALUATIONS; i++) export_evaluation_close(&l->e[i]);
 }
 
-/* Moves the state x by one period; u (inputs; may be NULL) becomes the input. `single`: the policy computes
- * in single precision; the plant computes in double precision. */
+/* Moves the state x by one period; u (inputs; may be NULL) becomes the input. `single`: the controller
+ * computes in single precision; the plant computes in double precision. */
 static void step(export_loop *l, bool single, double *x, double *u) {
     const export_policy_job *j = l->job;
-    if (l->moves) {
-        export_evaluate(&l->e[SEEN], x, l->seen);
-        export_evaluate(&l->e[RATES], x, l->seen + j->positions);
-    } else {
-        memcpy(l->seen, x, j->positions * sizeof *x);
-    }
+    export_evaluate(&l->e[SENSED], x, l->seen);
     memcpy(l->x, x, j->state * sizeof *x);
-    export_evaluate(&l->e[single ? NARROW : POLICY], l->seen, l->x + j->state);
+    export_evaluate(&l->e[single ? NARROW : CONTROL], l->seen, l->x + j->state);
     if (u != NULL) memcpy(u, l->x + j->state, j->inputs * sizeof *u);
     export_evaluate(&l->e[PERIOD], l->x, l->row);
     memcpy(x, l->row, j->state * sizeof *x);
@@ -153,17 +142,13 @@ static void choose_stride(export_loop *l, golden *g) {
 static void warn_opposite(export_loop *l) {
     const export_policy_job *j = l->job;
     const bool single = j->source->options->dtype == LG_F32;
-    memset(l->seen, 0, (j->positions + j->velocities) * sizeof *l->seen);
-    for (uint32_t i = 0; i < j->task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &j->task->coordinate[i];
-        static const double pi = 3.14159265358979323846, axis[3] = {3.14159265358979323846, 0, 0};
-        double *q = l->seen + j->layout.at[i].position;
-        if (c->motion == LG_POLICY_LINE) q[0] = c->goal[0];
-        if (c->motion == LG_POLICY_ANGLE) q[0] = c->goal[0] + pi;
-        for (int k = 0; k < 3 && c->motion == LG_POLICY_DIRECTION; k++) q[k] = -c->goal[k];
-        if (c->motion == LG_POLICY_ROTATION) lg_so3_exp_multiply(axis, c->goal, q);
-    }
-    export_evaluate(&l->e[single ? NARROW : POLICY], l->seen, l->row);
+    double z[LG_POLICY_ERRORS] = {0};
+    for (uint32_t i = 0; i < j->task->coordinate_count; i++)
+        if (j->task->coordinate[i].motion != LG_POLICY_LINE && !j->task->coordinate[i].free)
+            z[j->layout.at[i].error] = 3.14159265358979323846;
+    EXPORT_MUST(j, lg_policy_states(j->policy, z, 1, l->x, &error));
+    export_evaluate(&l->e[SENSED], l->x, l->seen);
+    export_evaluate(&l->e[single ? NARROW : CONTROL], l->seen, l->row);
     for (size_t i = 0; i < j->inputs; i++)
         if (!isfinite(l->row[i])) {
             app_warn(
@@ -182,13 +167,11 @@ static void add_plant(const export_policy_job *j, text *to) {
     APP_FREE char *name = app_format("%s_plant", j->source->options->name);
     const export_options options = {.name = name, .dtype = LG_F64};
     export_function functions[] = {{.function = "period", .hidden = true},
-                                   {.function = "positions", .hidden = true},
-                                   {.function = "velocities", .hidden = true}};
+                                   {.function = "sensed", .hidden = true}};
     export_source plant;
     lg_c_source *c;
     export_source_begin(&plant, &options);
-    EXPORT_MUST(j, export_c(&plant, j->program, functions, j->velocities > 0 ? LG_COUNT(functions) : 1, true,
-                            0, &c, &error));
+    EXPORT_MUST(j, export_c(&plant, j->program, functions, LG_COUNT(functions), true, 0, &c, &error));
     lg_text_add(to, "/* ---- the plant, for the closed loop: always in double precision ---- */\n\n%s\n",
                 c->sizes);
     /* The code calls its type of numbers `real`, which is the controller's type here. */
@@ -199,24 +182,10 @@ static void add_plant(const export_policy_job *j, text *to) {
 }
 
 static void add_sizes(const export_policy_job *j, const golden *g, text *to) {
-    const lg_policy_task *task = j->task;
     double limits[2 * LG_POLICY_INPUTS];
-    bool rotations = false;
-    lg_text_add(to,
-                "enum { PATHS = %d, SEGMENT = %zu, STATE = %zu, POSITIONS = %zu, GIVEN = %zu, "
-                "VELOCITIES = %zu, INPUT = %zu, COORDINATES = %u };\n",
-                PATHS, g->stride, j->state, j->positions, j->given, j->velocities, j->inputs,
-                task->coordinate_count);
-    lg_text_add(to, "static const int golden_motion[COORDINATES] = {");
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        rotations = rotations || task->coordinate[i].motion == LG_POLICY_ROTATION;
-        lg_text_add(to, "%s%u", i > 0 ? ", " : "",
-                    lg_policy_motion_row_of(task->coordinate[i].motion)->position);
-    }
-    lg_text_add(to, "}; /* numbers of a position */\n%s%s", j->velocities > 0 ? "#define MOVES\n" : "",
-                rotations ? "#define ROTATIONS\n" : "");
-    for (uint32_t l = 0; l < task->input_count; l++)
-        limits[2 * l] = task->input[l].low, limits[2 * l + 1] = task->input[l].high;
+    lg_text_add(to, "enum { PATHS = %d, SEGMENT = %zu, STATE = %zu };\n", PATHS, g->stride, j->state);
+    for (uint32_t l = 0; l < j->inputs; l++)
+        limits[2 * l] = j->task->input[l].low, limits[2 * l + 1] = j->task->input[l].high;
     lg_text_add(to, "static const double golden_limits[%zu] = {\n", 2 * j->inputs);
     lg_text_add_reals(to, LG_F64, 4, limits, 2 * j->inputs);
     lg_text_add(to, "};\n");
