@@ -10,25 +10,8 @@ static bool moves(const lg_policy *p) {
     return p->layout.velocities > 0;
 }
 
-/* The positions of the goal: of z = 0. */
-static lg_var goal_row(const lg_policy *p, lg_tape *tape) {
-    double goal[LG_POLICY_COORDINATES];
-    for (uint32_t i = 0; i < p->task.coordinate_count; i++) goal[i] = p->task.coordinate[i].goal[0];
-    return lg_input_f64(tape, lg_shape2(1, p->layout.positions), goal);
-}
-
 static bool is_free(const lg_policy *p, uint32_t coordinate) {
     return lg_policy_row_of(&p->task.coordinate[coordinate])->errors == 0;
-}
-
-/* A number for each coordinate (B, coordinates) from the numbers of z; 0 for a free coordinate. */
-static lg_var spread(const lg_policy *p, lg_tape *tape, lg_var z) {
-    lg_var parts[LG_POLICY_COORDINATES];
-    if (p->layout.at[0].rate == p->layout.positions) return lg_columns(tape, z, 0, p->layout.positions);
-    for (uint32_t i = 0; i < p->task.coordinate_count; i++)
-        parts[i] =
-            is_free(p, i) ? lg_policy_filled(tape, z, 1, 0.0) : lg_columns(tape, z, p->layout.at[i].error, 1);
-    return lg_joined(tape, parts, p->task.coordinate_count);
 }
 
 /* The numbers of coordinates that are not free, from numbers of all coordinates. LG_NONE: all are free. */
@@ -41,26 +24,15 @@ static lg_var gathered(const lg_policy *p, lg_tape *tape, lg_var all) {
     return n == 0 ? LG_NONE : lg_joined(tape, parts, n);
 }
 
-/* Positions, velocities and the state x at z. */
-typedef struct place {
-    lg_var q, v, x; /* v LG_NONE: no velocities */
-} place;
-
-static place place_at(const lg_policy *p, lg_tape *tape, lg_var z) {
-    const lg_var q = lg_add(tape, spread(p, tape, z), goal_row(p, tape));
-    if (!moves(p)) return (place){.q = q, .x = q, .v = LG_NONE};
-    const lg_var v = lg_slice(tape, z, 1, p->layout.at[0].rate, p->layout.velocities);
-    return (place){.q = q, .v = v, .x = lg_program_call(tape, "momenta", 0, (const lg_var[]){q, v})};
-}
-
 /* What acts during a period that begins at z. K LG_NONE: by the policy */
 static lg_var acting_at(const lg_policy *p, lg_tape *tape, const lg_var *theta, lg_var z, lg_var K) {
-    const place at = place_at(p, tape, z);
+    const lg_policy_seen at = lg_policy_record_place(tape, p, z);
+    const lg_var x = lg_program_call(tape, "retract", 0, &z);
     lg_var in[3] = {at.q, at.v};
     if (p->parameters > 0) in[moves(p) ? 2 : 1] = theta[lg_program_parameters(p->program) - 1];
     const lg_var u = lg_is_none(K) ? lg_program_call(tape, "policy", 0, in)
-                                   : lg_program_call(tape, "regulated", 2, (const lg_var[]){at.x, K});
-    return lg_policy_record_acting(tape, p, at.x, (lg_policy_seen){at.q, at.v}, u);
+                                   : lg_program_call(tape, "regulated", 2, (const lg_var[]){x, K});
+    return lg_policy_record_acting(tape, p, x, at, u);
 }
 
 LG_POLICY_RECORDING(record_input) {
@@ -71,8 +43,8 @@ static lg_status record_rate_by_input(void *user, lg_tape *tape, const lg_var *t
                                       lg_var *out) {
     const lg_policy *p = user;
     const lg_policy_memory *m = &p->memory;
-    const place at = place_at(p, tape, in[0]);
-    const lg_var x = lg_policy_plant_part(tape, p, at.x),
+    const lg_policy_seen at = lg_policy_record_place(tape, p, in[0]);
+    const lg_var x = lg_policy_plant_part(tape, p, lg_program_call(tape, "retract", 0, in)),
                  f = lg_program_call(tape, "field", 0,
                                      (const lg_var[]){x, lg_columns(tape, in[1], 0, p->inputs)});
     lg_var parts[3] = {moves(p) ? at.v : f};
@@ -196,7 +168,7 @@ lg_status lg_policy_add_rate(lg_policy *p, lg_program **program, lg_error *error
 LG_POLICY_RECORDING(record_slope) {
     const lg_var still[2] = {in[0], lg_scale(tape, in[0], 0.0)};
     const lg_var z = lg_concat(tape, still, 2, 1),
-                 in_f[2] = {place_at(p, tape, z).x, acting_at(p, tape, theta, z, LG_NONE)},
+                 in_f[2] = {lg_program_call(tape, "retract", 0, &z), acting_at(p, tape, theta, z, LG_NONE)},
                  f = lg_program_call(tape, "field", 0, in_f);
     out[0] = lg_neg(tape, lg_slice(tape, f, 1, 1, 1));
 }
