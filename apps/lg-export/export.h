@@ -299,9 +299,9 @@ lg_status export_amplification(lg_program *program, size_t function, const doubl
 void export_classifier(const app *self, const char *path, export_source *source);
 void export_program(const app *self, const char *path, export_source *source); /* or a scene */
 /* A controller: `control` and what else --functions names, with a closed loop in the self-test
- * (policy/policy.c). export_policy_words describes it, for every target. */
+ * (policy/policy.c). export_policy_load describes it for every target, and returns its program. */
 void export_policy(const app *self, const char *path, export_source *source);
-void export_policy_words(const app *self, const char *path, export_source *source);
+lg_program *export_policy_load(const app *self, const char *path, export_source *source);
 /* Names of functions of a program, each once; the program owns them. */
 typedef struct export_names {
     const char *name[LG_PROGRAM_MAX_FUNCTIONS];

@@ -62,14 +62,17 @@ void export_load(const app *self, const char *path, const char *kind, export_sou
                  lg_program **out) {
     lg_error error = {LG_OK, ""};
     lg_status status = LG_UNSUPPORTED;
-    const bool policy = strcmp(kind, "policy") == 0, program = policy || strcmp(kind, "program") == 0;
+    const bool program = strcmp(kind, "program") == 0;
+    if (strcmp(kind, "policy") == 0) {
+        *out = export_policy_load(self, path, source);
+        return;
+    }
     if (!program) status = load_model(self, path, source, out, &error);
     if (status != LG_OK && lg_recipe_find(kind) == NULL) {
         if (!program) export_warn_program(self, &error);
         status = lg_program_load(self->context, path, NULL, out, &error);
     }
     app_must_file(self, status, &error, path);
-    if (policy) export_policy_words(self, path, source);
 }
 
 /* ---- functions ---- */

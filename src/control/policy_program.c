@@ -456,10 +456,9 @@ lg_status lg_policy_add_planned(lg_policy *p, lg_error *error) {
     return adjoint(p, "planned", (const char *const[]){"x", "y"}, 2, OUTS("next", "cost"), 2, error);
 }
 
-lg_status lg_policy_add_sensed(const lg_policy *p, lg_program *program, lg_error *error) {
-    const lg_port x = ports_of(p).x, out = {.name = "sensed"};
-    const lg_function_spec spec = {"sensed", &x, 1, &out, 1, record_sensed, (void *)(uintptr_t)p};
-    return lg_program_add_function(program, &spec, error);
+lg_status lg_policy_add_sensed(lg_policy *p, lg_error *error) {
+    const ports port = ports_of(p);
+    return add(p, "sensed", record_sensed, &port.x, 1, OUTS("sensed"), error);
 }
 
 lg_status lg_policy_add_functions(lg_policy *p, lg_error *error) {

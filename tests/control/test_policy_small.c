@@ -548,9 +548,9 @@ TEST("a file whose period has more steps than a task may have is rejected before
 TEST("a policy does not adopt the program of another policy") {
     static const lg_policy_kind others[] = {LG_POLICY_LQR, LG_POLICY_ENERGY};
     lg_policy *policy = of_kind(LG_POLICY_NETWORK);
-    lg_program *own = policy->program;
     lg_error error;
     assert_ok(lg_policy_adopt(policy, NULL));
+    lg_program *own = policy->program;
     for (size_t i = 0; i < LG_COUNT(others); i++) {
         policy->program = of_kind(others[i])->program;
         const lg_status status = lg_policy_adopt(policy, &error);

@@ -85,7 +85,7 @@ static void tell(const export_policy_job *j) {
 static void open_policy(const app *self, const char *path, export_source *source, export_policy_job *out) {
     *out = (export_policy_job){.self = self, .source = source, .declarations = app_text()};
     APP_FILE(self, path, lg_policy_load, NULL, &out->policy, &out->text);
-    out->task = lg_policy_task_of(out->policy);
+    out->task = lg_policy_task_of(out->policy), out->program = out->policy->program;
     out->inputs = out->task->input_count;
     lg_policy_lay_out(out->task, &out->layout);
     out->given = out->layout.given, out->velocities = out->layout.velocities;
@@ -93,17 +93,18 @@ static void open_policy(const app *self, const char *path, export_source *source
 
 static void close_policy(export_policy_job *j) {
     lg_text_destroy(&j->declarations);
-    lg_program_destroy(j->program);
     lg_policy_destroy(j->policy);
     lg_free(j->self->context, j->text);
 }
 
-void export_policy_words(const app *self, const char *path, export_source *source) {
+lg_program *export_policy_load(const app *self, const char *path, export_source *source) {
     export_policy_job j;
     open_policy(self, path, source, &j);
     source->maps = true;
     tell(&j);
+    j.policy->program = NULL;
     close_policy(&j);
+    return j.program;
 }
 
 /* ---- functions around the policy ---- */
@@ -158,10 +159,9 @@ lg_var export_policy_inverse(lg_tape *tape, const export_policy_job *j, lg_var x
 
 /* ---- C ---- */
 
-static void load_program(export_policy_job *j, const char *path) {
-    APP_FILE(j->self, path, lg_program_load, NULL, &j->program);
+static void prepare_program(export_policy_job *j) {
     j->state = export_numbers(export_ports_of(j->program, "period").in, 1);
-    EXPORT_MUST(j, lg_policy_add_sensed(j->policy, j->program, &error));
+    EXPORT_MUST(j, lg_policy_add_sensed(j->policy, &error));
     /* export_whole rounds again, and counts what is lost. */
     const size_t lost = j->source->lost;
     APP_MUST(j->self, export_round_parameters(j->source, j->program));
@@ -207,7 +207,7 @@ static void write_policy(export_policy_job *j, const char *path) {
 void export_policy(const app *self, const char *path, export_source *source) {
     export_policy_job j;
     open_policy(self, path, source, &j);
-    load_program(&j, path);
+    prepare_program(&j);
     write_policy(&j, path);
     close_policy(&j);
 }

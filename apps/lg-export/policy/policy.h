@@ -9,10 +9,10 @@
 typedef struct export_policy_job {
     const app *self;
     export_source *source;
-    lg_policy *policy; /* For its task and regulator; the program is `program`. */
+    lg_policy *policy;
     const lg_policy_task *task;
     char *text;          /* The task as it was written. */
-    lg_program *program; /* Has parameters that are rounded to the exported type. */
+    lg_program *program; /* The policy's; its parameters are rounded to the exported type. */
     /* Numbers of positions as NAME_control takes them, of velocities, of the plant's state, of inputs. */
     size_t given, velocities, state, inputs;
     lg_policy_layout layout;
