@@ -103,7 +103,7 @@ typedef struct following {
     const app *self;
     const lg_policy *policy;
     const lg_policy_task *task;
-    size_t positions, velocities, numbers; /* numbers: in `reference` */
+    size_t numbers;                        /* In `reference`. */
     uint32_t place[LG_POLICY_COORDINATES]; /* of a tracked coordinate: of its position, and velocity */
     uint32_t tracked;
     lg_frame table;
@@ -118,8 +118,6 @@ static void choose_columns(following *f) {
             app_stop(f->self, LG_UNSUPPORTED,
                      "--reference: %s is a %s; runs along set points are for lines and angles", c->name,
                      lg_policy_motion_row_of(c->motion)->name);
-        f->positions++;
-        f->velocities += c->velocity[0] != '\0';
         if (!c->track) continue;
         f->place[f->tracked++] = i;
         f->want[f->tracked] = (lg_frame_want){.name = c->name, .complete = true};
@@ -127,7 +125,7 @@ static void choose_columns(following *f) {
     if (f->tracked == 0)
         app_stop(f->self, LG_FORMAT,
                  "--reference: the policy's task tracks no coordinate; give it track: [NAME]");
-    f->numbers = f->tracked * (f->velocities > 0 ? 2 : 1);
+    f->numbers = f->tracked * (f->policy->layout.velocities > 0 ? 2 : 1);
     for (uint32_t k = f->tracked; k < f->numbers; k++)
         f->want[1 + k] = (lg_frame_want){.name = f->task->coordinate[f->place[k - f->tracked]].velocity,
                                          .complete = true,
@@ -165,8 +163,7 @@ static void reference_at(const following *f, double t, size_t *row, double *out)
     }
 }
 
-/* The functions of a run; without velocities the state is the positions, and there are only two. */
-enum { TRACK, PERIOD, POSITIONS, VELOCITIES, FUNCTIONS };
+enum { TRACK, PERIOD, SENSED, FUNCTIONS };
 
 typedef struct sums {
     double square, largest;
@@ -180,9 +177,9 @@ static void run_along(const following *f, lg_plan *const *plan, double *x, void 
         app_stop(f->self, LG_FORMAT,
                  "%s: from the first to the last time are %g periods of %g s, expected at most 1e+09",
                  f->table.path, periods, f->task->period);
-    const size_t steps = (size_t)periods + 1, nq = f->positions;
+    const size_t steps = (size_t)periods + 1, state = f->policy->state, nq = f->policy->layout.positions;
     double seen[2 * LG_POLICY_COORDINATES] = {0}, reference[2 * LG_POLICY_COORDINATES], u[LG_POLICY_INPUTS];
-    double *next = x + lg_plan_input_count(plan[PERIOD], 0);
+    double *next = x + state;
     size_t row = 0;
     for (size_t i = 0; i < nq; i++) seen[i] = f->task->coordinate[i].goal[0];
     reference_at(f, begin, &row, reference);
@@ -199,13 +196,8 @@ static void run_along(const following *f, lg_plan *const *plan, double *x, void 
         lg_plan_eval(plan[TRACK], (const void *[]){seen, reference}, (void *[]){u}, work);
         if (lg_policy_at_limit(f->policy, u)) *saturated += 1 / (double)steps;
         lg_plan_eval(plan[PERIOD], (const void *[]){x, u}, (void *[]){next}, work);
-        memcpy(x, next, lg_plan_input_count(plan[PERIOD], 0) * sizeof *x);
-        if (f->velocities > 0) {
-            lg_plan_eval(plan[POSITIONS], (const void *[]){x}, (void *[]){seen}, work);
-            lg_plan_eval(plan[VELOCITIES], (const void *[]){x}, (void *[]){seen + nq}, work);
-        } else {
-            memcpy(seen, x, nq * sizeof *x);
-        }
+        memcpy(x, next, state * sizeof *x);
+        lg_plan_eval(plan[SENSED], (const void *[]){x}, (void *[]){seen}, work);
     }
 }
 
@@ -224,16 +216,16 @@ static void tell_errors(const following *f, app_json *out, const sums *sum, doub
 
 /* Runs the policy along the set points of a file, with the columns t, the tracked coordinates and, if they
  * are there, these coordinates' velocities. Adds the errors to the results as `reference`. */
-static void follow(const app *self, const lg_policy *policy, const char *path, app_json *out) {
-    static const char *const names[FUNCTIONS] = {"track", "period", "positions", "velocities"};
-    following f = {.self = self, .policy = policy, .task = lg_policy_task_of(policy)};
+static void follow(const app *self, lg_policy *policy, const char *path, app_json *out) {
+    static const char *const names[FUNCTIONS] = {"track", "period", "sensed"};
+    following f = {.self = self, .policy = policy, .task = &policy->task};
     APP_CLEAN(lg_policy_plans_destroy) lg_policy_plans plans;
     sums sum[LG_POLICY_COORDINATES] = {{0, 0}};
     double saturated = 0;
     lay_out(&f, path);
-    APP_MUST(self, lg_policy_plans_create(policy, false, names, f.velocities > 0 ? FUNCTIONS : POSITIONS,
-                                          LG_F64, 1, &plans, &error));
-    APP_FREE double *x = app_alloc(2 * lg_plan_input_count(plans.plan[PERIOD], 0), sizeof *x);
+    APP_MUST(self, lg_policy_add_sensed(policy, &error));
+    APP_MUST(self, lg_policy_plans_create(policy, false, names, FUNCTIONS, LG_F64, 1, &plans, &error));
+    APP_FREE double *x = app_alloc(2 * policy->state, sizeof *x);
     APP_FREE void *work = app_alloc(plans.work, 1);
     run_along(&f, plans.plan, x, work, sum, &saturated);
     tell_errors(&f, out, sum, saturated);

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "control/policy.h"
 #include "files/csv.h"
 #include "lg-control/control_app.h"
 
@@ -21,25 +22,26 @@ typedef struct control_quantity {
 } control_quantity;
 enum { QUANTITIES = 2 * LG_POLICY_COORDINATES + LG_POLICY_INPUTS };
 
-/* The positions and velocities of a task, then its inputs. */
-static size_t list_quantities(const lg_policy_task *task, control_quantity *out) {
+/* The positions and velocities of a policy, then its inputs. */
+static size_t list_quantities(const lg_policy *policy, control_quantity *out) {
+    const lg_policy_task *task = &policy->task;
     size_t n = 0;
-    uint32_t first = 0, error = 0;
-    for (int velocity = 0; velocity < 2; velocity++, first = 0)
+    for (int velocity = 0; velocity < 2; velocity++)
         for (uint32_t i = 0; i < task->coordinate_count; i++) {
             const lg_policy_coordinate *c = &task->coordinate[i];
             const lg_policy_motion_row *row = lg_policy_row_of(c);
-            const double *start = velocity ? c->start_velocity : c->start;
+            const lg_policy_place *at = &policy->layout.at[i];
             if (velocity && c->velocity[0] == '\0') continue;
             control_quantity *q = &out[n++];
-            *q = (control_quantity){.motion = c->motion, .coordinate = i, .first = first, .error = error};
-            q->of = velocity ? VELOCITY : POSITION;
+            *q = (control_quantity){
+                .motion = c->motion, .of = velocity ? VELOCITY : POSITION, .coordinate = i};
             (void)snprintf(q->name, sizeof q->name, "%s", velocity ? c->velocity : c->name);
+            q->first = velocity ? at->velocity : at->position;
             q->count = velocity ? row->velocity : row->position;
+            q->error = velocity ? at->rate : at->error;
             q->errors = velocity ? row->rates : row->errors;
             if (!velocity) memcpy(q->goal, c->goal, sizeof q->goal);
-            memcpy(q->start, start, sizeof q->start);
-            first += q->count, error += q->errors;
+            memcpy(q->start, velocity ? c->start_velocity : c->start, sizeof q->start);
         }
     for (uint32_t l = 0; l < task->input_count; l++) {
         out[n] = (control_quantity){.motion = LG_POLICY_LINE, .of = INPUT, .first = l, .count = 1};
@@ -52,41 +54,35 @@ static size_t list_quantities(const lg_policy_task *task, control_quantity *out)
 /* ---- runs ---- */
 
 void control_runs_begin(const lg_policy *policy, uint64_t starts, bool whole, control_runs *out) {
-    const lg_policy_regulator *r = lg_policy_regulator_of(policy);
-    const lg_program *program = lg_policy_program(policy);
     const size_t steps = lg_policy_steps(policy);
-    size_t period, ports;
-    *out = (control_runs){.policy = policy, .task = lg_policy_task_of(policy)};
-    (void)lg_program_find(program, "period", &period, NULL);
-    const size_t state = lg_shape_count(lg_program_inputs(program, period, &ports)[0].shape);
-    out->runs.path = app_keep((steps + 1) * starts * r->errors, sizeof(double));
+    *out = (control_runs){.policy = policy, .task = &policy->task};
+    out->runs.path = app_keep((steps + 1) * starts * policy->layout.errors, sizeof(double));
     if (!whole) return;
-    out->runs.motion = app_keep((steps + 1) * starts * state, sizeof(double));
-    out->runs.input = app_keep(steps * starts * r->inputs, sizeof(double));
+    out->runs.motion = app_keep((steps + 1) * starts * policy->state, sizeof(double));
+    out->runs.input = app_keep(steps * starts * policy->inputs, sizeof(double));
     out->runs.costs = app_keep(steps * starts, sizeof(double));
     out->runs.succeeded = app_keep(starts, sizeof(bool));
 }
 
 static void find_states(const app *self, control_runs *runs) {
     static const char *const names[2] = {"positions", "velocities"};
+    const lg_policy *policy = runs->policy;
     const size_t rows = (runs->runs.steps + 1) * runs->runs.count;
-    control_quantity quantity[QUANTITIES];
-    const size_t count = list_quantities(runs->task, quantity);
-    for (size_t i = 0; i < count; i++) runs->numbers[quantity[i].of] += quantity[i].count;
-    runs->seen[INPUT] = runs->runs.input;
-    runs->seen[0] = runs->runs.motion; /* a plant without velocities: its state is the positions */
-    for (int k = 0; k < 2 && runs->numbers[1] > 0; k++) {
+    runs->numbers[POSITION] = policy->layout.positions, runs->numbers[VELOCITY] = policy->layout.velocities;
+    runs->numbers[INPUT] = policy->inputs, runs->seen[INPUT] = runs->runs.input;
+    runs->seen[POSITION] = runs->runs.motion; /* a plant without velocities: its state is the positions */
+    for (int k = 0; k < 2 && runs->numbers[VELOCITY] > 0; k++) {
         runs->seen[k] = app_keep(rows * runs->numbers[k], sizeof(double));
-        APP_DO(self, lg_program_eval, lg_policy_program(runs->policy), names[k], rows,
+        APP_DO(self, lg_program_eval, policy->program, names[k], rows,
                (const double *const[]){runs->runs.motion}, (double *const[]){runs->seen[k]});
     }
 }
 
 /* ---- the file ---- */
 
-static void put_head(lg_columns *to, const lg_policy_task *task) {
+static void put_head(lg_columns *to, const lg_policy *policy) {
     control_quantity quantity[QUANTITIES];
-    const size_t count = list_quantities(task, quantity);
+    const size_t count = list_quantities(policy, quantity);
     lg_columns_names(to, "start,t");
     for (size_t i = 0; i < count; i++) {
         for (uint32_t k = 0; k < quantity[i].count; k++) {
@@ -103,7 +99,7 @@ static void write_runs(const app *self, const control_runs *runs, const char *pa
     const lg_policy_runs *r = &runs->runs;
     const size_t m = runs->task->input_count;
     lg_columns to = {.text = app_text()};
-    put_head(&to, runs->task);
+    put_head(&to, runs->policy);
     for (size_t i = 0; i < r->count; i++)
         for (size_t k = 0; k <= r->steps; k++) {
             const size_t row = k * r->count + i;
@@ -208,7 +204,7 @@ void control_put_runs(app_plot *plot, const void *shown_runs) {
     const control_runs *runs = shown_runs;
     static const control_quantity time = {.name = "t (s)"};
     control_quantity axis[QUANTITIES];
-    const size_t inputs = runs->task->input_count, axes = list_quantities(runs->task, axis) - inputs;
+    const size_t inputs = runs->task->input_count, axes = list_quantities(runs->policy, axis) - inputs;
     const control_quantity *chosen[2] = {&time, &time};
     choose_phase(axis, axes, chosen);
     put_panel(plot, runs, "Motion of the first", MOTIONS, chosen[0], chosen[1], runs->runs.steps);

@@ -84,17 +84,16 @@ static void tell(const export_policy_job *j) {
 
 static void open_policy(const app *self, const char *path, export_source *source, export_policy_job *out) {
     *out = (export_policy_job){.self = self, .source = source, .declarations = app_text()};
-    APP_FILE(self, path, lg_policy_load, NULL, &out->policy, &out->text);
-    out->task = lg_policy_task_of(out->policy), out->program = out->policy->program;
-    out->inputs = out->task->input_count;
-    lg_policy_lay_out(out->task, &out->layout);
-    out->given = out->layout.given, out->velocities = out->layout.velocities;
+    APP_FILE(self, path, lg_policy_load, NULL, &out->policy, NULL);
+    const lg_policy *p = out->policy;
+    out->task = &p->task, out->program = p->program;
+    out->given = p->layout.given, out->velocities = p->layout.velocities;
+    out->state = p->state, out->inputs = p->inputs;
 }
 
 static void close_policy(export_policy_job *j) {
     lg_text_destroy(&j->declarations);
     lg_policy_destroy(j->policy);
-    lg_free(j->self->context, j->text);
 }
 
 lg_program *export_policy_load(const app *self, const char *path, export_source *source) {
@@ -160,7 +159,6 @@ lg_var export_policy_inverse(lg_tape *tape, const export_policy_job *j, lg_var x
 /* ---- C ---- */
 
 static void prepare_program(export_policy_job *j) {
-    j->state = export_numbers(export_ports_of(j->program, "period").in, 1);
     EXPORT_MUST(j, lg_policy_add_sensed(j->policy, &error));
     /* export_whole rounds again, and counts what is lost. */
     const size_t lost = j->source->lost;

@@ -11,11 +11,9 @@ typedef struct export_policy_job {
     export_source *source;
     lg_policy *policy;
     const lg_policy_task *task;
-    char *text;          /* The task as it was written. */
     lg_program *program; /* The policy's; its parameters are rounded to the exported type. */
     /* Numbers of positions as NAME_control takes them, of velocities, of the plant's state, of inputs. */
     size_t given, velocities, state, inputs;
-    lg_policy_layout layout;
     text declarations; /* Of functions that are not in the program, for NAME.h. */
 } export_policy_job;
 

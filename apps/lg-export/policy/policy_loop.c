@@ -145,7 +145,7 @@ static void warn_opposite(export_loop *l) {
     double z[LG_POLICY_ERRORS] = {0};
     for (uint32_t i = 0; i < j->task->coordinate_count; i++)
         if (j->task->coordinate[i].motion != LG_POLICY_LINE && !j->task->coordinate[i].free)
-            z[j->layout.at[i].error] = 3.14159265358979323846;
+            z[j->policy->layout.at[i].error] = 3.14159265358979323846;
     EXPORT_MUST(j, lg_policy_states(j->policy, z, 1, l->x, &error));
     export_evaluate(&l->e[SENSED], l->x, l->seen);
     export_evaluate(&l->e[single ? NARROW : CONTROL], l->seen, l->row);
