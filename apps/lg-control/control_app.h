@@ -57,8 +57,6 @@ void control_add_continuous(lg_text *claim, double period);
 /* Whether the states of the certificate have the names of the policy's states (certify.c). */
 bool control_has_states(const lg_policy *policy, const lg_certificate *file);
 
-/* Lagged inputs among the coordinates of a task, or what lg_policy_create adds to a task. */
-uint32_t control_count_lagged(const lg_policy_task *task, bool remembered);
 /* Prints and writes, as `robustness`, the success of a policy if a number of its machine changes by a factor
  * (robustness.c). machine->scheme NULL: the plant is a program, which has no numbers. */
 void control_tell_robustness(const lg_policy *policy, control_machine *machine, uint64_t starts,

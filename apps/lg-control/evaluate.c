@@ -30,8 +30,8 @@ static evaluate_values values;
 /* Warns if the lagged inputs of two plants differ under u = 1. */
 static void warn_of_other_lag(const app *self, const lg_policy *policy, const lg_program *plant) {
     double a[2][LG_POLICY_COORDINATES] = {{0}}, u[LG_POLICY_INPUTS];
-    const double h = lg_policy_task_of(policy)->period, none[LG_POLICY_COORDINATES] = {0};
-    const uint32_t n = control_count_lagged(lg_policy_task_of(policy), false);
+    const double h = policy->task.period, none[LG_POLICY_COORDINATES] = {0};
+    const uint32_t n = policy->memory.lags;
     for (uint32_t l = 0; l < LG_POLICY_INPUTS; l++) u[l] = 1;
     for (int i = 0; i < 2 && n > 0; i++)
         APP_DO(self, lg_program_eval, i == 0 ? lg_policy_program(policy) : plant, "lag", 1,
@@ -45,18 +45,20 @@ static void warn_of_other_lag(const app *self, const lg_policy *policy, const lg
 
 /* The machine --plant; *names: what its file says. */
 static lg_program *other_plant(const app *self, const lg_policy *policy, lg_policy_task *names) {
-    const lg_policy_task *own = lg_policy_task_of(policy);
+    const lg_policy_task *own = &policy->task;
+    const uint32_t lagged = policy->memory.lags, remembered = policy->memory.lines + policy->memory.integrals;
+    uint32_t found = 0; /* lagged inputs of the plant */
     *names = (lg_policy_task){.period = own->period};
-    const uint32_t lagged = control_count_lagged(own, false), remembered = control_count_lagged(own, true);
     if (own->coordinate[0].velocity[0] == '\0') {
         *names = *own; /* the file of a program does not name its states */
         names->coordinate_count -= remembered;
     }
     APP_CLEAN(control_machine_destroy) control_machine machine;
     lg_program *plant = control_load_plant(self, values.plant, lagged > 0, names, &machine);
-    if (control_count_lagged(names, false) != lagged)
+    for (uint32_t i = 0; i < names->coordinate_count; i++) found += names->coordinate[i].follows > 0;
+    if (found != lagged)
         app_stop(self, LG_SHAPE, "%s: the plant has %u lagged inputs, but the policy knows %u", values.plant,
-                 control_count_lagged(names, false), lagged);
+                 found, lagged);
     bool same = names->coordinate_count + remembered == own->coordinate_count &&
                 names->input_count == own->input_count;
     for (uint32_t i = 0; same && i < names->coordinate_count; i++)

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "control/policy.h"
 #include "lg-control/control_app.h"
 #include "liegrad/taped.h"
 
@@ -41,15 +42,6 @@ static void name_lagged(const app *self, const char *path, const lg_machine *mac
                 app_stop(self, LG_UNSUPPORTED, "%s: two states are called %s: give the inputs shorter names",
                          path, to->name);
     }
-}
-
-uint32_t control_count_lagged(const lg_policy_task *task, bool remembered) {
-    uint32_t n = 0;
-    for (uint32_t i = 0; i < task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &task->coordinate[i];
-        n += remembered ? c->ago > 0 || c->integrates > 0 : c->follows > 0 && c->ago == 0;
-    }
-    return n;
 }
 
 static void name_coordinates(const app *self, const char *path, const lg_machine_file *file,
@@ -284,10 +276,9 @@ static void find_rates(const app *self, lg_policy *policy, bool held, const doub
 
 void control_draw_error(const app *self, lg_policy *policy, const char *plant, bool held, const double *high,
                         double *out) {
-    const lg_policy_task *task = lg_policy_task_of(policy);
+    const lg_policy_task *task = &policy->task;
     /* Behind the inputs, the rates of what the controller remembers: 0. */
-    const size_t n = lg_policy_regulator_of(policy)->errors, numbers = PLACES * n,
-                 m = task->input_count + control_count_lagged(task, true);
+    const size_t n = policy->layout.errors, numbers = PLACES * n, m = policy->inputs + policy->memory.count;
     APP_FREE double *z = app_alloc(4 * numbers + PLACES * m, sizeof *z);
     double *first = z + numbers, *other = first + numbers, *square = other + numbers, *u = square + numbers;
     lg_program *plants[DRAWS];

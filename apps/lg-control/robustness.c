@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "control/policy.h"
 #include "lg-control/control_app.h"
 
 /* A number of the machine: known values that change together, or an identified one, a function of theta. */
@@ -109,7 +110,7 @@ static double success_of(const table *t, const lg_policy *policy, uint64_t start
     lg_policy *other = NULL;
     lg_policy_outcome outcome;
     lg_program *plant = NULL;
-    const bool lagged = control_count_lagged(lg_policy_task_of(policy), false) > 0;
+    const bool lagged = policy->memory.lags > 0;
     lg_status status =
         lg_machine_program(self->context, &m->machine, m->model.theta, m->scheme, lagged, &plant, NULL);
     if (status == LG_OK) status = lg_policy_transplant(policy, plant, NULL, &other, NULL);
