@@ -65,17 +65,14 @@ void control_runs_begin(const lg_policy *policy, uint64_t starts, bool whole, co
 }
 
 static void find_states(const app *self, control_runs *runs) {
-    static const char *const names[2] = {"positions", "velocities"};
     const lg_policy *policy = runs->policy;
     const size_t rows = (runs->runs.steps + 1) * runs->runs.count;
-    runs->numbers[POSITION] = policy->layout.positions, runs->numbers[VELOCITY] = policy->layout.velocities;
-    runs->numbers[INPUT] = policy->inputs, runs->seen[INPUT] = runs->runs.input;
-    runs->seen[POSITION] = runs->runs.motion; /* a plant without velocities: its state is the positions */
-    for (int k = 0; k < 2 && runs->numbers[VELOCITY] > 0; k++) {
-        runs->seen[k] = app_keep(rows * runs->numbers[k], sizeof(double));
-        APP_DO(self, lg_program_eval, policy->program, names[k], rows,
-               (const double *const[]){runs->runs.motion}, (double *const[]){runs->seen[k]});
-    }
+    const size_t numbers[] = {policy->layout.positions, policy->layout.velocities, policy->inputs};
+    memcpy(runs->numbers, numbers, sizeof numbers);
+    for (int k = 0; k < INPUT; k++) runs->seen[k] = app_keep(rows * numbers[k], sizeof(double));
+    runs->seen[INPUT] = runs->runs.input;
+    APP_MUST(self, lg_policy_see(policy, runs->runs.motion, rows, runs->seen[POSITION], runs->seen[VELOCITY],
+                                 &error));
 }
 
 /* ---- the file ---- */

@@ -222,9 +222,11 @@ lg_status lg_policy_check_shifts(const lg_policy *policy, bool tracked, uint64_t
 
 /* ---- runs (policy_runs.c) ---- */
 
-/* States (count, state) from positions and velocities. */
+/* States (count, state) from positions and velocities, and these from states. */
 LG_API lg_status lg_policy_states_at(const lg_policy *policy, const double *q, const double *v, size_t count,
                                      double *x, lg_error *error);
+LG_API lg_status lg_policy_see(const lg_policy *policy, const double *x, size_t count, double *q, double *v,
+                               lg_error *error);
 /* Whether one of the inputs u is at a limit, to a thousandth of its range. */
 LG_API bool lg_policy_at_limit(const lg_policy *policy, const double *u);
 /* States (count, state) from errors z (count, errors), by the function retract. */

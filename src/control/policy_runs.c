@@ -22,6 +22,17 @@ lg_status lg_policy_states_at(const lg_policy *p, const double *q, const double 
     return LG_OK;
 }
 
+lg_status lg_policy_see(const lg_policy *p, const double *x, size_t count, double *q, double *v,
+                        lg_error *error) {
+    const double *const in[] = {x};
+    if (p->layout.velocities == 0) {
+        memcpy(q, x, count * p->state * sizeof *x);
+        return LG_OK;
+    }
+    LG_TRY(lg_program_eval(p->context, p->program, "positions", count, in, (double *const[]){q}, error));
+    return lg_program_eval(p->context, p->program, "velocities", count, in, (double *const[]){v}, error);
+}
+
 lg_status lg_policy_states(const lg_policy *p, const double *z, size_t count, double *x, lg_error *error) {
     return lg_program_eval(p->context, p->program, "retract", count, (const double *const[]){z},
                            (double *const[]){x}, error);

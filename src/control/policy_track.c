@@ -13,19 +13,6 @@ typedef struct trial {
     double *q, *v, *u;
 } trial;
 
-/* Positions and velocities of states. */
-static lg_status see(const lg_policy *p, const double *x, trial *out, lg_error *error) {
-    const double *const in[] = {x};
-    if (p->layout.velocities == 0) {
-        memcpy(out->q, x, TRIALS * p->state * sizeof *x);
-        return LG_OK;
-    }
-    LG_TRY(
-        lg_program_eval(p->context, p->program, "positions", TRIALS, in, (double *const[]){out->q}, error));
-    return lg_program_eval(p->context, p->program, "velocities", TRIALS, in, (double *const[]){out->v},
-                           error);
-}
-
 /* The motion over a period from `from`, whose position `at` is larger by `shift`; x (2, TRIALS, state) is
  * scratch. */
 static lg_status move(const lg_policy *p, const trial *from, uint32_t at, double shift, double *x,
@@ -35,10 +22,10 @@ static lg_status move(const lg_policy *p, const trial *from, uint32_t at, double
     memcpy(before->q, from->q, TRIALS * nq * sizeof *from->q);
     for (size_t i = 0; i < TRIALS; i++) before->q[i * nq + at] += shift;
     LG_TRY(lg_policy_states_at(p, before->q, from->v, TRIALS, x, error));
-    LG_TRY(see(p, x, before, error));
+    LG_TRY(lg_policy_see(p, x, TRIALS, before->q, before->v, error));
     LG_TRY(lg_program_eval(p->context, p->program, "period", TRIALS, (const double *const[]){x, from->u},
                            (double *const[]){next}, error));
-    return see(p, next, after, error);
+    return lg_policy_see(p, next, TRIALS, after->q, after->v, error);
 }
 
 /* Whether numbers (TRIALS, n) change alike from a to b and from c to d; the number `at` has been shifted. */
@@ -106,7 +93,7 @@ lg_status lg_policy_check_shifts(const lg_policy *p, bool tracked, uint64_t seed
     all[0].u = at;
     lg_rng_seed(&rng, seed, 9);
     LG_TRY(lg_policy_starts(p, &rng, TRIALS, x, all[0].u, error));
-    LG_TRY(see(p, x, &all[0], error));
+    LG_TRY(lg_policy_see(p, x, TRIALS, all[0].q, all[0].v, error));
     for (uint32_t k = 0; k < task->coordinate_count; k++) /* free positions from their range */
         for (size_t i = p->layout.at[k].position; task->coordinate[k].free && i < TRIALS * nq; i += nq)
             all[0].q[i] +=

@@ -19,10 +19,10 @@ typedef struct export_policy_job {
 
 /* ---- runs of the library (policy_loop.c) ---- */
 
-/* A run of the library: what the controller sees (periods + 1, given + velocities), its inputs (periods,
- * inputs), as numbers of the exported type. */
+/* A run of the library: what the controller sees (periods + 1, given + velocities) and its inputs (periods,
+ * inputs), as numbers of the exported type, and states (periods + 1, state). */
 typedef struct export_path {
-    double *seen, *held;
+    double *seen, *held, *state;
     size_t periods; /* at least 1 */
 } export_path;
 /* `noise` (given): of the positions that are seen; `more` (2 velocities): the plant has 0.3 of this offset

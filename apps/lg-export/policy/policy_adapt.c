@@ -110,22 +110,15 @@ static void add_function(const adaptation *a) {
 
 /* Root mean squares over the run of forces (changes of momenta), velocities and accelerations. */
 static void find_ranges(const export_policy_job *j, adaptation *a, const export_path *path) {
-    const size_t n = j->given, rows = path->periods + 1;
+    const size_t n = j->given;
     const double period = j->task->period;
-    APP_FREE double *q = app_alloc(rows * n, sizeof *q), *v = app_alloc(rows * n, sizeof *v),
-                    *p = app_alloc(rows * 2 * n, sizeof *p);
-    for (size_t k = 0; k < rows; k++) {
-        memcpy(q + k * n, path->seen + k * 2 * n, n * sizeof *q);
-        memcpy(v + k * n, path->seen + k * 2 * n + n, n * sizeof *v);
-    }
-    EXPORT_MUST(j, lg_program_eval(j->self->context, j->program, "momenta", rows,
-                                   (const double *const[]){q, v}, (double *const[]){p}, &error));
     for (size_t i = 0; i < n; i++) {
         double force = 0, speed = 0, rate = 0;
-        for (size_t k = 0; k < path->periods; k++) {
-            force += pow((p[(k + 1) * 2 * n + n + i] - p[k * 2 * n + n + i]) / period, 2);
-            rate += pow((v[(k + 1) * n + i] - v[k * n + i]) / period, 2);
-            speed += pow(v[k * n + i], 2);
+        const double *p = path->state + n + i, *v = path->seen + n + i;
+        for (size_t k = 0; k < path->periods; k++, p += 2 * n, v += 2 * n) {
+            force += pow((p[2 * n] - p[0]) / period, 2);
+            rate += pow((v[2 * n] - v[0]) / period, 2);
+            speed += pow(v[0], 2);
         }
         const double count = (double)path->periods;
         force = force > 0 ? sqrt(force / count) : 1;

@@ -62,11 +62,13 @@ export_path export_loop_run(const export_policy_job *j, uint64_t stream, const d
     lg_rng rng;
     APP_FREE double *x = app_alloc(j->state, sizeof *x);
     export_path out = {app_keep((periods + 1) * 2 * n, sizeof *out.seen),
-                       app_keep(periods * j->inputs, sizeof *out.held), periods};
+                       app_keep(periods * j->inputs, sizeof *out.held),
+                       app_keep((periods + 1) * j->state, sizeof *out.state), periods};
     open_loop(j, &l);
     draw_starts(j, stream, 1, &rng, x);
     for (size_t k = 0; k <= out.periods; k++) {
         double u[LG_POLICY_INPUTS];
+        memcpy(out.state + k * j->state, x, j->state * sizeof *x);
         step(&l, false, x, u);
         for (size_t i = 0; i < 2 * n; i++) {
             const double by = noise != NULL && i < n ? noise[i] * lg_rng_normal(&rng) : 0;
