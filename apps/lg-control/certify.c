@@ -62,6 +62,7 @@ static certify_values values;
 
 typedef struct naming {
     const lg_policy_task *task;
+    const char *plant;   /* path of the task's plant; NULL: there is a trained policy, no task */
     size_t n, positions; /* numbers of z: positions that are not free, then velocities */
     const lg_policy_coordinate *of[2 * LG_POLICY_COORDINATES]; /* of each number */
 } naming;
@@ -132,14 +133,13 @@ static bool is_task(const char *path) {
 
 static void draw_model_error(const app *self, lg_policy *policy, naming names, const double *high,
                              double *out) {
-    if (!is_task(self->arguments[0]))
+    if (names.plant == NULL)
         app_stop_usage(self, "--model-error auto: give the task, whose plant is a model of lg-identify");
     for (size_t i = 0; i < names.n; i++)
         if (!isfinite(high[i]))
             app_stop_usage(self, "--model-error auto: needs a bound of every state; %s has none",
                            name_of(names, i));
-    APP_FREE char *plant = control_plant_path(self, self->arguments[0]);
-    control_draw_error(self, policy, plant, !values.loop, high, out);
+    control_draw_error(self, policy, names.plant, !values.loop, high, out);
 }
 
 /* One number is for the rates that the model states: the accelerations, or all rates of a program; of a
@@ -216,16 +216,18 @@ static bool chooses_gains(const app *self, const lg_policy_task *task) {
            task->gain_count == 0;
 }
 
-lg_policy *control_read_policy(const app *self, const char *path, const double *gains, size_t count) {
+lg_policy *control_read_policy(const app *self, const char *path, const double *gains, size_t count,
+                               char **source) {
     lg_policy *policy = NULL;
+    *source = NULL;
     if (!is_task(path)) {
         APP_FILE(self, path, lg_policy_load, NULL, &policy, NULL);
         return policy;
     }
     lg_policy_task task;
-    APP_FREE char *text = NULL, *source = NULL;
+    APP_FREE char *text = NULL;
     APP_CLEAN(control_machine_destroy) control_machine machine = {.scheme = NULL};
-    lg_program *plant = control_read_task(self, path, &task, &text, &source, &machine);
+    lg_program *plant = control_read_task(self, path, &task, &text, source, &machine);
     /* Whether the controller has a regulator that training chooses. */
     task.search = task.kind == LG_POLICY_NETWORK ||
                   (task.kind == LG_POLICY_LQR && task.gain_count == 0 && !chooses_gains(self, &task));
@@ -345,8 +347,8 @@ static char *tell_claim(const app *self, naming names, bool chosen, bool rounded
     APP_FREE char *own = name_file(self, path);
     lg_text text = app_text();
     lg_text_add(&text, "%.*s, for the ", (int)(rest - proof), proof);
-    if (is_task(self->arguments[0])) {
-        APP_FREE char *plant = control_plant_path(self, path), *of = name_file(self, plant);
+    if (names.plant != NULL) {
+        APP_FREE char *of = name_file(self, names.plant);
         lg_text_add(&text, "plant %s and the controller of kind %s of %s%s", of, of_kind, own,
                     chosen ? " with gains that were chosen" : "");
     } else {
@@ -594,8 +596,9 @@ static lg_policy *prepare(app *self, lg_policy *given, naming names, wanted *wha
         app_stop(self, LG_UNSUPPORTED, "the plant is no program with a function lyapunov (x)");
     if (values.lyapunov == QUADRATIC) search_form(self, given, names, what);
     if (!what->chosen) return NULL;
-    lg_policy *own =
-        control_read_policy(self, self->arguments[0], what->gains, names.task->input_count * names.n);
+    APP_FREE char *source = NULL;
+    lg_policy *own = control_read_policy(self, self->arguments[0], what->gains,
+                                         names.task->input_count * names.n, &source);
     *program = add_rate(self, own);
     return own;
 }
@@ -634,9 +637,8 @@ static void write_certificate(const app *self, naming names, lg_certify_spec *sp
     APP_DO(self, lg_certificate_make, spec, proved, INFINITY, &file);
     for (size_t i = 0; i < file.states; i++)
         (void)lg_format(file.names[i], sizeof file.names[i], "%s", name_of(names, i));
-    APP_FREE char *plant =
-        is_task(self->arguments[0]) ? control_plant_path(self, own) : app_format("%s", own);
-    (void)lg_format(file.plant, sizeof file.plant, "%s", app_name_of(plant));
+    (void)lg_format(file.plant, sizeof file.plant, "%s",
+                    app_name_of(names.plant != NULL ? names.plant : own));
     (void)lg_format(file.controller, sizeof file.controller, "%s", app_name_of(own));
     APP_FILE(self, values.certificate, lg_certificate_save, &file);
     lg_certificate_destroy(&file);
@@ -686,8 +688,10 @@ static void prove(app *self, lg_policy *given, naming names) {
 
 static void run(app *self) {
     check_options(self);
-    lg_policy *policy = control_read_policy(self, self->arguments[0], NULL, 0);
-    const naming names = name_states(lg_policy_task_of(policy));
+    APP_FREE char *source = NULL;
+    lg_policy *policy = control_read_policy(self, self->arguments[0], NULL, 0, &source);
+    naming names = name_states(lg_policy_task_of(policy));
+    names.plant = source;
     check_delays(self, names.task);
     const bool turns = names.task->coordinate[0].motion == LG_POLICY_ROTATION;
     (values.lyapunov != ENERGY ? prove : turns ? prove_rotation : prove_energy)(self, policy, names);

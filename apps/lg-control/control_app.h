@@ -35,8 +35,6 @@ lg_program *control_load_plant(const app *self, const char *path, bool lagged, l
  * and `source`: freed with free. */
 lg_program *control_read_task(const app *self, const char *path, lg_policy_task *task, char **text,
                               char **source, control_machine *keep);
-/* The path of the plant that a task names, to be freed. */
-char *control_plant_path(const app *self, const char *path);
 
 /* Adds the task's draws to the policy: machines from the covariance of the fit whose model is the file
  * `path`, with the task's spread besides. Ends the command if that is no model of lg-identify. */
@@ -49,8 +47,10 @@ void control_draw_error(const app *self, lg_policy *policy, const char *plant, b
                         double *out);
 
 /* A policy, or a task with its controller before training (certify.c). `gains`: of a task of kind lqr, K row
- * by row; 0 of them: as the file says. */
-lg_policy *control_read_policy(const app *self, const char *path, const double *gains, size_t count);
+ * by row; 0 of them: as the file says. *source, freed with free: the path of the task's plant; NULL: there is
+ * no task. */
+lg_policy *control_read_policy(const app *self, const char *path, const double *gains, size_t count,
+                               char **source);
 
 /* Says that a claim is about continuous inputs, of a loop whose inputs are held for `period` (certify.c). */
 void control_add_continuous(lg_text *claim, double period);

@@ -350,24 +350,11 @@ lg_program *control_load_plant(const app *self, const char *path, bool lagged, l
                                              : load_program(self, path, task);
 }
 
-/* The path of the plant that the task in `path` calls `plant`. */
-static char *beside(const char *path, const char *plant) {
-    return app_format("%.*s%s", plant[0] == '/' ? 0 : (int)(app_name_of(path) - path), path, plant);
-}
-
-char *control_plant_path(const app *self, const char *path) {
-    lg_policy_task task;
-    char plant[512], *text = NULL;
-    APP_FILE(self, path, lg_policy_task_read, &task, plant, sizeof plant, &text);
-    free(text);
-    return beside(path, plant);
-}
-
 lg_program *control_read_task(const app *self, const char *path, lg_policy_task *task, char **text,
                               char **source, control_machine *keep) {
     char plant[512];
     APP_FILE(self, path, lg_policy_task_read, task, plant, sizeof plant, text);
-    *source = beside(path, plant);
+    *source = app_format("%.*s%s", plant[0] == '/' ? 0 : (int)(app_name_of(path) - path), path, plant);
     lg_program *program = control_load_plant(self, *source, true, task, keep);
     APP_FILE(self, path, lg_policy_task_parse, *text, task);
     keep->self = self;

@@ -17,7 +17,8 @@ typedef struct comparison {
 static comparison compare(const app *self, const lg_certificate *file, const char *path) {
     comparison c = {.compared = true};
     lg_program *program = NULL;
-    lg_policy *policy = control_read_policy(self, path, NULL, 0);
+    APP_FREE char *source = NULL;
+    lg_policy *policy = control_read_policy(self, path, NULL, 0, &source);
     APP_MUST(self, lg_policy_add_rate(policy, &program, &error));
     APP_MUST(self, lg_certificate_compare(file, program, "rate_by_input", "input_by_state", &c.plant,
                                           &c.controller, &error));

@@ -320,7 +320,6 @@ static bool set_goals(lg_policy *p) {
 /* Finds the regulator, or, if `rest`, only u0, the input that holds the machine at the goal. */
 static lg_status design(lg_policy *p, bool rest, uint64_t seed, lg_error *error) {
     LG_CLEAN(lg_policy_destroy_at) lg_policy *sliding = NULL;
-    p->regulator.errors = p->layout.errors, p->regulator.inputs = p->inputs;
     LG_TRY(lg_policy_make_soft(p, NULL, true, &sliding, error));
     return rest ? lg_policy_find_rest(p, sliding, error) : lg_policy_find_regulator(p, sliding, seed, error);
 }

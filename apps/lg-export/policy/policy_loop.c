@@ -13,8 +13,8 @@ enum { PATHS = 8, SEGMENTS = 16, LOOP_STREAM = 12, PERIODS = 200 };
 enum { SENSED, CONTROL, NARROW, PERIOD, EVALUATIONS }; /* NARROW: the controller in single precision */
 typedef struct export_loop {
     export_evaluation e[EVALUATIONS];
-    double *seen;    /* What the controller takes. */
-    double *x, *row; /* State and input: the inputs of `period`; and a row of results. */
+    double *seen; /* What the controller takes. */
+    double *x;    /* State and input: the inputs of `period`. */
     const export_policy_job *job;
 } export_loop;
 
@@ -23,7 +23,6 @@ static void open_loop(const export_policy_job *j, export_loop *l) {
     *l = (export_loop){.job = j};
     l->seen = app_keep(j->given + j->velocities, sizeof *l->seen);
     l->x = app_keep(j->state + j->inputs, sizeof *l->x);
-    l->row = app_keep(j->state + j->inputs, sizeof *l->row);
     for (size_t i = 0, at; i < EVALUATIONS; i++) {
         EXPORT_MUST(j, lg_program_find(j->program, names[i], &at, &error));
         EXPORT_MUST(
@@ -35,16 +34,14 @@ static void close_loop(export_loop *l) {
     for (size_t i = 0; i < EVALUATIONS; i++) export_evaluation_close(&l->e[i]);
 }
 
-/* Moves the state x by one period; u (inputs; may be NULL) becomes the input. `single`: the controller
- * computes in single precision; the plant computes in double precision. */
-static void step(export_loop *l, bool single, double *x, double *u) {
+/* Moves the state x by one period. `single`: the controller computes in single precision; the plant computes
+ * in double precision. */
+static void step(export_loop *l, bool single, double *x) {
     const export_policy_job *j = l->job;
     export_evaluate(&l->e[SENSED], x, l->seen);
     memcpy(l->x, x, j->state * sizeof *x);
     export_evaluate(&l->e[single ? NARROW : CONTROL], l->seen, l->x + j->state);
-    if (u != NULL) memcpy(u, l->x + j->state, j->inputs * sizeof *u);
-    export_evaluate(&l->e[PERIOD], l->x, l->row);
-    memcpy(x, l->row, j->state * sizeof *x);
+    export_evaluate(&l->e[PERIOD], l->x, x);
 }
 
 /* Ends the command if the starts cannot be drawn. */
@@ -67,15 +64,14 @@ export_path export_loop_run(const export_policy_job *j, uint64_t stream, const d
     open_loop(j, &l);
     draw_starts(j, stream, 1, &rng, x);
     for (size_t k = 0; k <= out.periods; k++) {
-        double u[LG_POLICY_INPUTS];
         memcpy(out.state + k * j->state, x, j->state * sizeof *x);
-        step(&l, false, x, u);
+        step(&l, false, x);
         for (size_t i = 0; i < 2 * n; i++) {
             const double by = noise != NULL && i < n ? noise[i] * lg_rng_normal(&rng) : 0;
             out.seen[k * 2 * n + i] = export_round(options, l.seen[i] + by);
         }
         for (size_t i = 0; i < j->inputs && k < out.periods; i++)
-            out.held[k * j->inputs + i] = export_round(options, u[i]);
+            out.held[k * j->inputs + i] = export_round(options, l.x[j->state + i]);
         for (size_t i = 0; more != NULL && i < n; i++)
             x[n + i] += 0.3 * j->task->period * (more[i] - more[n + i] * l.seen[n + i]);
         if (!(export_norm(x, NULL, j->state) < 1e6) && k < out.periods) out.periods = k > 0 ? k : 1;
@@ -93,7 +89,7 @@ typedef struct golden {
 } golden;
 
 static void move(export_loop *l, bool single, size_t periods, double *x) {
-    for (size_t k = 0; k < periods; k++) step(l, single, x, NULL);
+    for (size_t k = 0; k < periods; k++) step(l, single, x);
 }
 
 /* States of the exported type, at different times of runs from random starts. */
@@ -144,15 +140,15 @@ static void choose_stride(export_loop *l, golden *g) {
 static void warn_opposite(export_loop *l) {
     const export_policy_job *j = l->job;
     const bool single = j->source->options->dtype == LG_F32;
-    double z[LG_POLICY_ERRORS] = {0};
+    double z[LG_POLICY_ERRORS] = {0}, u[LG_POLICY_INPUTS];
     for (uint32_t i = 0; i < j->task->coordinate_count; i++)
         if (j->task->coordinate[i].motion != LG_POLICY_LINE && !j->task->coordinate[i].free)
             z[j->policy->layout.at[i].error] = 3.14159265358979323846;
     EXPORT_MUST(j, lg_policy_states(j->policy, z, 1, l->x, &error));
     export_evaluate(&l->e[SENSED], l->x, l->seen);
-    export_evaluate(&l->e[single ? NARROW : CONTROL], l->seen, l->row);
+    export_evaluate(&l->e[single ? NARROW : CONTROL], l->seen, u);
     for (size_t i = 0; i < j->inputs; i++)
-        if (!isfinite(l->row[i])) {
+        if (!isfinite(u[i])) {
             app_warn(
                 j->self,
                 "the controller gives no number in %s precision half a turn from the goal%s: it must not be "
