@@ -276,11 +276,6 @@ uint32_t lg_policy_tracked(const lg_policy_task *task) {
 
 /* ---- recordings ---- */
 
-/* Whether the position has errors. */
-static bool held(const lg_policy_coordinate *c) {
-    return lg_policy_row_of(c)->errors > 0;
-}
-
 /* cos(a/2)^2 = (1 + cos a)/2, kept above 0 by 1e-6, also in single precision: the errors are finite on
  * the opposite side. */
 static lg_var half_cosine(lg_tape *tape, lg_var cosine) {
@@ -293,7 +288,7 @@ lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy *p, bool counted, 
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
         const motion *m = counted && c->motion == LG_POLICY_ANGLE ? &motions[LG_POLICY_LINE] : motion_of(c);
-        if (!held(c)) continue;
+        if (c->free) continue;
         const lg_var q = lg_columns(tape, seen.q, p->layout.at[i].position, m->sizes.position);
         parts[n] = m->sine(tape, c->goal, p->layout.basis[i], q);
         if (m->cosine != NULL)
@@ -375,7 +370,7 @@ lg_var lg_policy_record_features(lg_tape *tape, const lg_policy *p, const double
         const lg_policy_coordinate *c = &p->task.coordinate[i];
         const motion *m = motion_of(c);
         const lg_policy_place *at = &p->layout.at[i];
-        if (held(c)) {
+        if (!c->free) {
             const lg_var q = lg_columns(tape, seen.q, at->position, m->sizes.position);
             parts[n++] = m->features_of != NULL ? m->features_of(tape, c->goal, q)
                          : m->cosine != NULL
@@ -421,7 +416,7 @@ lg_policy_seen lg_policy_record_place(lg_tape *tape, const lg_policy *p, lg_var 
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
         const lg_policy_motion_row *sizes = lg_policy_row_of(c);
-        const lg_var own = held(c) ? lg_columns(tape, z, p->layout.at[i].error, sizes->errors) : z;
+        const lg_var own = c->free ? z : lg_columns(tape, z, p->layout.at[i].error, sizes->errors);
         q[i] = motion_of(c)->place(tape, c->goal, p->layout.basis[i], own);
         if (!moves(c)) continue;
         v[n] = lg_columns(tape, z, p->layout.at[i].rate, sizes->rates);
@@ -458,7 +453,7 @@ void lg_policy_draw(const lg_policy *p, lg_rng *rng, double *z) {
     for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
         const lg_policy_coordinate *c = &p->task.coordinate[i];
         const lg_policy_motion_row *sizes = lg_policy_row_of(c);
-        const double far = held(c) ? lg_rng_uniform_in(rng, c->start[0], c->start[1]) : 0.0;
+        const double far = c->free ? 0.0 : lg_rng_uniform_in(rng, c->start[0], c->start[1]);
         if (sizes->errors == 1)
             z[p->layout.at[i].error] = far;
         else if (sizes->errors > 1)

@@ -9,7 +9,7 @@ enum { MOST = LG_POLICY_ERRORS, ANGLES = 8 };
 
 /* Whether the error of the position is that of an angle. */
 static bool turns(const lg_policy_coordinate *c) {
-    return c->motion == LG_POLICY_ANGLE && lg_policy_row_of(c)->errors > 0;
+    return c->motion == LG_POLICY_ANGLE && !c->free;
 }
 
 static lg_status check(const lg_policy *p, uint32_t *angles, lg_error *error) {

@@ -10,17 +10,13 @@ static bool moves(const lg_policy *p) {
     return p->layout.velocities > 0;
 }
 
-static bool is_free(const lg_policy *p, uint32_t coordinate) {
-    return lg_policy_row_of(&p->task.coordinate[coordinate])->errors == 0;
-}
-
 /* The numbers of coordinates that are not free, from numbers of all coordinates. LG_NONE: all are free. */
 static lg_var gathered(const lg_policy *p, lg_tape *tape, lg_var all) {
     lg_var parts[LG_POLICY_COORDINATES];
     uint32_t n = 0;
     if (p->layout.at[0].rate == p->layout.positions) return all;
     for (uint32_t i = 0; i < p->task.coordinate_count; i++)
-        if (!is_free(p, i)) parts[n++] = lg_columns(tape, all, i, 1);
+        if (!p->task.coordinate[i].free) parts[n++] = lg_columns(tape, all, i, 1);
     return n == 0 ? LG_NONE : lg_joined(tape, parts, n);
 }
 
@@ -128,8 +124,7 @@ static lg_status check(const lg_policy *p, lg_error *error) {
             return lg_fail(error, LG_UNSUPPORTED,
                            "coordinate %s is a %s; certificates are for machines of lines and angles",
                            c->name, lg_policy_motion_row_of(c->motion)->name);
-        if (is_free(p, i))
-            LG_TRY(check_unused(p, i, "it is free, but a certificate cannot leave it out", error));
+        if (c->free) LG_TRY(check_unused(p, i, "it is free, but a certificate cannot leave it out", error));
     }
     if (p->state != p->layout.positions + p->layout.velocities)
         return lg_fail(error, LG_UNSUPPORTED,
@@ -180,7 +175,7 @@ static lg_status check_energy(const lg_policy *p, lg_error *error) {
         return lg_fail(error, LG_UNSUPPORTED,
                        "the energy is certified for one coordinate and one input; the plant has %u and %u",
                        p->task.coordinate_count, p->inputs);
-    if (is_free(p, 0))
+    if (p->task.coordinate[0].free)
         return lg_fail(error, LG_UNSUPPORTED, "%s is free, and the energy is certified for its position",
                        p->task.coordinate[0].name);
     return LG_OK;

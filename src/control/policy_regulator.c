@@ -172,7 +172,7 @@ static void fill_weights(const design *d, const weights *w, double *Q, double *R
     const lg_policy *p = d->policy;
     for (uint32_t i = 0; i < d->n; i++) {
         const lg_policy_coordinate *c = owner_of(p, i);
-        const double bound = lg_policy_row_of(c)->errors > 0 ? c->success : c->success_velocity,
+        const double bound = c->free ? c->success_velocity : c->success,
                      factor = w == NULL         ? c->weight
                               : c->ago > 0      ? 0.0
                               : isfinite(bound) ? 1.0

@@ -127,38 +127,6 @@ static lg_status unknown(const reading *r, const yaml_node_t *key, const char *w
                       known.text);
 }
 
-/* Takes the numbers of an entry; returns what is expected instead, or NULL; "": the name is unknown. */
-static const char *take(lg_policy_task *task, const entries *row, named of, const char *name, const double *x,
-                        uint32_t count);
-
-static lg_status read_entries(reading *r, const lg_key_value *value, const entries *row) {
-    const yaml_node_t *map = value->node;
-    const char *what = row->what;
-    if (value->line == 0) return LG_OK;
-    if (map->type != YAML_MAPPING_NODE)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: expected {NAME: number, ...}",
-                            what);
-    for (const yaml_node_pair_t *p = map->data.mapping.pairs.start; p < map->data.mapping.pairs.top; p++) {
-        const yaml_node_t *key = lg_node_at(r->yaml, p->key), *node = lg_node_at(r->yaml, p->value);
-        double x[MOST_NUMBERS];
-        uint32_t count;
-        const char *name = key->type == YAML_SCALAR_NODE ? (const char *)key->data.scalar.value : "";
-        for (const yaml_node_pair_t *q = map->data.mapping.pairs.start; q < p; q++) {
-            const yaml_node_t *before = lg_node_at(r->yaml, q->key);
-            if (before->type == YAML_SCALAR_NODE &&
-                strcmp((const char *)before->data.scalar.value, name) == 0)
-                return LG_FAIL_AT(r->yaml, key, r->error, "%s: '%.40s' stands twice", what, name);
-        }
-        LG_TRY(read_numbers(r, node, what, x, &count));
-        const named of = find_name(r->task, name);
-        const char *expected = take(r->task, row, of, name, x, count);
-        if (expected == NULL) continue;
-        if (expected[0] == '\0') return unknown(r, key, what, name);
-        return LG_FAIL_AT(r->yaml, node, r->error, "%s: %.40s: expected %s", what, name, expected);
-    }
-    return LG_OK;
-}
-
 /* ---- the entries of each key ---- */
 
 static bool unit_vector(const double *x, uint32_t n) {
@@ -203,6 +171,7 @@ static const char *take_goal(named of, const double *x, uint32_t count) {
     }
 }
 
+/* Takes the numbers of an entry; returns what is expected instead, or NULL; "": the name is unknown. */
 static const char *take(lg_policy_task *task, const entries *row, named of, const char *name, const double *x,
                         uint32_t count) {
     double *const time = strcmp(row->what, "success") != 0 ? NULL
@@ -231,6 +200,34 @@ static const char *take(lg_policy_task *task, const entries *row, named of, cons
         return row->expected;
     to[0] = count == 1 && row->positive ? -x[0] : x[0], to[1] = x[count - 1];
     return NULL;
+}
+
+static lg_status read_entries(reading *r, const lg_key_value *value, const entries *row) {
+    const yaml_node_t *map = value->node;
+    const char *what = row->what;
+    if (value->line == 0) return LG_OK;
+    if (map->type != YAML_MAPPING_NODE)
+        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error, "%s: expected {NAME: number, ...}",
+                            what);
+    for (const yaml_node_pair_t *p = map->data.mapping.pairs.start; p < map->data.mapping.pairs.top; p++) {
+        const yaml_node_t *key = lg_node_at(r->yaml, p->key), *node = lg_node_at(r->yaml, p->value);
+        double x[MOST_NUMBERS];
+        uint32_t count;
+        const char *name = key->type == YAML_SCALAR_NODE ? (const char *)key->data.scalar.value : "";
+        for (const yaml_node_pair_t *q = map->data.mapping.pairs.start; q < p; q++) {
+            const yaml_node_t *before = lg_node_at(r->yaml, q->key);
+            if (before->type == YAML_SCALAR_NODE &&
+                strcmp((const char *)before->data.scalar.value, name) == 0)
+                return LG_FAIL_AT(r->yaml, key, r->error, "%s: '%.40s' stands twice", what, name);
+        }
+        LG_TRY(read_numbers(r, node, what, x, &count));
+        const named of = find_name(r->task, name);
+        const char *expected = take(r->task, row, of, name, x, count);
+        if (expected == NULL) continue;
+        if (expected[0] == '\0') return unknown(r, key, what, name);
+        return LG_FAIL_AT(r->yaml, node, r->error, "%s: %.40s: expected %s", what, name, expected);
+    }
+    return LG_OK;
 }
 
 /* A list of names of positions, for `track` or `free`. */
