@@ -430,7 +430,7 @@ LG_API lg_status lg_policy_task_parse(const lg_context *context, const char *pat
                                       lg_policy_task *task, lg_error *error);
 /* Saves a policy with the text of its task, as a file of kind "policy"; lg_program_load reads its
  * functions. lg_policy_load: `text` (may be NULL) becomes the task's text. The functions of the file must be
- * those that its task, plant and regulator give; derivatives are not read, but made anew. Errors: as of
+ * those that its task, plant and regulator give; derivatives of the file are not used. Errors: as of
  * lg_program_save and lg_program_load. */
 LG_API lg_status lg_policy_save(const lg_context *context, const char *path, const lg_policy *policy,
                                 const char *text, const lg_provenance *provenance, lg_error *error);

@@ -20,7 +20,7 @@ typedef struct lg_policy_place {
 } lg_policy_place;
 
 typedef struct lg_policy_layout {
-    uint32_t positions, given, velocities, errors; /* sums over all coordinates; errors = z */
+    uint32_t positions, given, velocities, errors, noise; /* sums over all coordinates; errors = z */
     lg_policy_place at[LG_POLICY_COORDINATES];
     uint32_t owner[6 * LG_POLICY_COORDINATES]; /* the coordinate of each error; velocities' are behind */
     double basis[LG_POLICY_COORDINATES][6];    /* (3, 2): of the plane across the goal of a direction */
@@ -45,11 +45,10 @@ lg_var lg_policy_record_features(lg_tape *tape, const lg_policy *p, const double
 lg_var lg_policy_record_positions(lg_tape *tape, const lg_policy *p, bool given, lg_var q);
 /* Record the position and velocity at the errors z from the goal: a rotation turns by the vector z. */
 lg_policy_seen lg_policy_record_place(lg_tape *tape, const lg_policy *p, lg_var z);
-/* Sensors' noise. noise (B, n) has numbers for the positions, then for the velocities, 3 for a direction or
- * rotation: it turns by that vector, a direction to first order. The standard deviations go to `sizes` (NULL:
- * only n is wanted). */
+/* Sensors' noise. noise (B, layout.noise) has numbers for the positions, then for the velocities, 3 for a
+ * direction or rotation: it turns by that vector, a direction to first order. sizes: standard deviations. */
 enum { LG_POLICY_NOISE = 6 * LG_POLICY_COORDINATES };
-uint32_t lg_policy_noise_sizes(const lg_policy_task *task, double *sizes);
+void lg_policy_noise_sizes(const lg_policy_task *task, double *sizes);
 lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var noise);
 /* Draws the errors of a start. */
 void lg_policy_draw(const lg_policy *p, lg_rng *rng, double *z);

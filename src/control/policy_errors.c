@@ -247,9 +247,9 @@ void lg_policy_lay_out(const lg_policy_task *task, lg_policy_layout *out) {
         const lg_policy_coordinate *c = &task->coordinate[i];
         const lg_policy_motion_row *sizes = lg_policy_row_of(c);
         out->at[i] = (lg_policy_place){out->positions, out->given, out->velocities, out->errors, 0};
-        out->positions += sizes->position, out->given += sizes->given;
+        out->positions += sizes->position, out->given += sizes->given, out->noise += sizes->velocity;
         for (uint32_t k = 0; k < sizes->errors; k++) out->owner[out->errors++] = i;
-        if (moves(c)) out->velocities += sizes->velocity;
+        if (moves(c)) out->velocities += sizes->velocity, out->noise += sizes->velocity;
         if (c->motion == LG_POLICY_DIRECTION) plane_across(c->goal, out->basis[i]);
     }
     for (uint32_t i = 0; i < task->coordinate_count; i++) {
@@ -384,15 +384,13 @@ lg_var lg_policy_record_features(lg_tape *tape, const lg_policy *p, const double
     return lg_joined(tape, parts, n);
 }
 
-uint32_t lg_policy_noise_sizes(const lg_policy_task *task, double *sizes) {
-    uint32_t n = 0;
+void lg_policy_noise_sizes(const lg_policy_task *task, double *sizes) {
     for (int rate = 0; rate < 2; rate++)
         for (uint32_t i = 0; i < task->coordinate_count; i++) {
             const lg_policy_coordinate *c = &task->coordinate[i];
-            for (uint32_t k = 0; k < lg_policy_row_of(c)->velocity && (rate == 0 || moves(c)); k++, n++)
-                if (sizes != NULL) sizes[n] = rate ? c->noise_velocity : c->noise;
+            for (uint32_t k = 0; k < lg_policy_row_of(c)->velocity && (rate == 0 || moves(c)); k++)
+                *sizes++ = rate ? c->noise_velocity : c->noise;
         }
-    return n;
 }
 
 lg_policy_seen lg_policy_record_noise(lg_tape *tape, const lg_policy *p, lg_policy_seen seen, lg_var noise) {

@@ -27,7 +27,7 @@ static size_t lay_out(const lg_policy_batch *b, char *memory, piece *out) {
     char **const arrays[] = {&out->path,   &out->cost,     &out->theta, &out->weight, &out->lambda,
                              &out->before, &out->gradient, &out->noise, &out->late};
     const size_t x = ROWS * b->state, n = p->parameters, late = b->disturbed ? ROWS : 0,
-                 noise = late * b->most * lg_policy_noise_sizes(&p->task, NULL),
+                 noise = late * b->most * p->layout.noise,
                  counts[] = {(b->most + 1) * x, ROWS, n, ROWS, x, x, n, noise, late};
     lg_portions from = {memory, 0};
     for (size_t i = 0; i < LG_COUNT(arrays); i++) *arrays[i] = lg_portion(&from, counts[i], width(b));
@@ -67,8 +67,7 @@ static void add_costs(const lg_policy_batch *b, piece *w) {
 
 /* The disturbances of period k. */
 static const char *noise_of(const lg_policy_batch *b, const piece *w, size_t k) {
-    return b->disturbed ? w->noise + k * ROWS * lg_policy_noise_sizes(&b->policy->task, NULL) * width(b)
-                        : NULL;
+    return b->disturbed ? w->noise + k * ROWS * b->policy->layout.noise * width(b) : NULL;
 }
 
 static void forward(const lg_policy_batch *b, piece *w) {
@@ -147,7 +146,7 @@ static void store_starts(const lg_policy_batch *b, const double *x, piece *w) {
 }
 
 static void disturb(const lg_policy_batch *b, uint64_t number, piece *w) {
-    const size_t noise = w->steps * ROWS * lg_policy_noise_sizes(&b->policy->task, NULL);
+    const size_t noise = w->steps * ROWS * b->policy->layout.noise;
     lg_policy_draw_noise(b->policy, b->seed, number, w->steps, w->copy, w->copy + noise);
     lg_put_numbers(b->dtype, w->noise, 0, w->copy, noise);
     lg_put_numbers(b->dtype, w->late, 0, w->copy + noise, ROWS);

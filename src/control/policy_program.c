@@ -352,10 +352,7 @@ static ports ports_of(const lg_policy *p) {
                   .high = 1},
         .gain = {.name = "K", .shape = lg_shape2(p->inputs, p->layout.errors), .shared = true},
         .state = {.name = "s", .shape = lg_shape1(p->state + p->inputs), .low = x.low, .high = x.high},
-        .noise = {.name = "noise",
-                  .shape = lg_shape1(lg_policy_noise_sizes(&p->task, NULL)),
-                  .low = -0.1,
-                  .high = 0.1},
+        .noise = {.name = "noise", .shape = lg_shape1(p->layout.noise), .low = -0.1, .high = 0.1},
         .reference = {.name = "reference",
                       .shape = lg_shape1(lg_policy_tracked(&p->task) * (moves(p) ? 2 : 1)),
                       .low = -1,
@@ -389,7 +386,7 @@ static lg_status adjoint(const lg_policy *p, const char *function, const char *c
 
 lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error) {
     const size_t own = policy->parameters > 0 ? 1 : 0;
-    size_t count = lg_program_parameters(plant) + own;
+    size_t count = lg_program_parameters(plant) + own, found;
     if (own && count > 1 && strcmp(lg_program_parameter(plant, count - 2).name, "policy") == 0) count--;
     lg_program_spec spec;
     LG_TRY_SCRATCH(lg_parameter_spec, parameters, policy->context, count, lg_no_memory(error));
@@ -399,7 +396,8 @@ lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *
     lg_program_spec_init(&spec);
     spec.parameters = parameters;
     spec.parameter_count = count;
-    spec.description = "a machine with its controller";
+    const bool again = lg_program_find(plant, "retract", &found, NULL) == LG_OK;
+    spec.description = again ? lg_program_description(plant) : "a machine with its controller";
     LG_TRY(lg_program_begin(policy->context, &spec, &policy->program, error));
     LG_TRY(copy_functions(policy, plant, error));
     LG_TRY(lg_policy_add_memory(policy, error));

@@ -73,8 +73,9 @@ void lg_policy_plans_destroy(lg_policy_plans *plans) {
 void lg_policy_draw_noise(const lg_policy *p, uint64_t seed, uint64_t piece, size_t periods, double *noise,
                           double *late) {
     double sizes[LG_POLICY_NOISE];
-    const size_t n = lg_policy_noise_sizes(&p->task, sizes);
+    const size_t n = p->layout.noise;
     lg_rng rng;
+    lg_policy_noise_sizes(&p->task, sizes);
     lg_rng_seed(&rng, seed ^ UINT64_C(0xd1b54a32d192ed03), piece);
     for (size_t i = 0; i < ROWS; i++) late[i] = lg_rng_uniform(&rng) < p->task.delay ? 1.0 : 0.0;
     for (size_t i = 0; i < periods * ROWS * n; i++)
@@ -232,7 +233,7 @@ lg_status lg_policy_run(const lg_policy *p, const lg_policy_trial *trial, lg_pol
     running r = {.policy = p, .trial = trial, .runs = runs, .width = p->state};
     LG_CLEAN(lg_policy_plans_destroy) lg_policy_plans plans;
     LG_CLEAN(lg_thread_pool_destroy_at) lg_thread_pool *pool = NULL;
-    if (trial->disturbed) r.width += p->inputs, r.noise = lg_policy_noise_sizes(&p->task, NULL);
+    if (trial->disturbed) r.width += p->inputs, r.noise = p->layout.noise;
     LG_TRY(lg_policy_plans_create(p, trial->disturbed, names, functions, LG_F64, ROWS, &plans, error));
     LG_TRY(lg_thread_pool_create(p->context, trial->threads, &pool));
     r.plans = plans;
