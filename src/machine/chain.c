@@ -7,27 +7,65 @@
 
 /* ---- memory ---- */
 
-size_t lg_chain_place(const lg_chain_array *arrays, size_t count, double *memory) {
+/* Places the arrays one after the other in `memory` (NULL: only counts); returns how many numbers they have. */
+static size_t place(lg_chain *c, double *memory) {
+    const lg_machine *machine = c->problem->machine;
+    const size_t n = c->count * c->axes.numbers, d = c->axes.count, S = c->count * d * c->columns,
+                 shown = machine->accelerations ? c->count * machine->velocities : 0;
+    const struct {
+        double **at;
+        size_t length;
+    } arrays[] = {{&c->losses, c->count},
+                  {&c->z, n},
+                  {&c->next, n},
+                  {&c->dz, n},
+                  {&c->A, c->count * d * d},
+                  {&c->apart, c->count * c->shared},
+                  {&c->S, S},
+                  {&c->moved, S},
+                  {&c->a, shown},
+                  {&c->of_a, shown * c->columns}};
     size_t sum = 0;
-    for (size_t i = 0; i < count; sum += arrays[i++].length)
+    for (size_t i = 0; i < LG_COUNT(arrays); sum += arrays[i++].length)
         if (memory != NULL) *arrays[i].at = memory + sum;
     return sum;
 }
 
-size_t lg_chain_place_all(lg_chain *c, double *memory) {
-    const lg_machine *machine = c->problem->machine;
-    const size_t n = c->count * c->axes.numbers, d = c->axes.count, S = c->count * d * c->columns,
-                 shown = machine->accelerations ? c->count * machine->velocities : 0;
-    const lg_chain_array arrays[] = {{&c->z, n},
-                                     {&c->next, n},
-                                     {&c->dz, n},
-                                     {&c->A, c->count * d * d},
-                                     {&c->apart, c->count * c->shared},
-                                     {&c->S, S},
-                                     {&c->moved, S},
-                                     {&c->a, shown},
-                                     {&c->of_a, shown * c->columns}};
-    return lg_chain_place(arrays, LG_COUNT(arrays), memory);
+static uint32_t powers_of(const lg_machine_log *log, uint32_t m) {
+    for (size_t row = 0; row < log->rows && m > 0; row++)
+        for (uint32_t i = m; i < 4 * m; i++)
+            if (log->u[row * 4 * m + i] != 0.0) return 4;
+    return 1;
+}
+
+lg_status lg_chain_open(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
+                        const uint32_t *samples, size_t first, size_t count, bool derived, lg_chain *c) {
+    const lg_machine *machine = problem->machine;
+    *c = (lg_chain){.problem = problem,
+                    .theta = theta,
+                    .count = count,
+                    .shared = lg_machine_shared(problem),
+                    .own = lg_machine_starts_estimated(problem) ? lg_machine_start_numbers(machine) : 0,
+                    .powers = powers_of(&problem->log, machine->input_count),
+                    .axes = lg_row_axes_of(machine)};
+    if (derived) c->columns = c->shared + c->own;
+    for (size_t s = 0; s < count; s++) c->samples[s] = samples != NULL ? samples[s] : (uint32_t)(first + s);
+    c->bytes = place(c, NULL) * sizeof(double);
+    c->memory = lg_pool_take(tape, c->bytes);
+    if (c->memory == NULL) return lg_tape_status(tape);
+    (void)place(c, c->memory);
+    memset(c->losses, 0, count * sizeof *c->losses);
+    return LG_OK;
+}
+
+void lg_chain_close(lg_tape *tape, lg_chain *c) {
+    if (c->memory != NULL) lg_pool_give(tape, c->memory, c->bytes);
+    c->memory = NULL;
+}
+
+/* Whether derivatives are wanted. */
+static bool derives(const lg_chain *c) {
+    return c->columns > 0;
 }
 
 /* ---- sweeps ---- */
@@ -80,7 +118,7 @@ static lg_status sweep(lg_tape *tape, lg_chain *c, const recorded *x, lg_var sum
 /* B (count, rows, columns) += A S, with the A of `rows` numbers. */
 static void follow(const lg_kernels *k, const lg_chain *c, size_t rows, double *B) {
     const size_t d = c->axes.count;
-    if (c->point == 0 && c->own == 0) return; /* the start is known */
+    if (!derives(c) || (c->point == 0 && c->own == 0)) return; /* the start is known */
     for (size_t s = 0; s < c->count; s++)
         k->gemm(rows, c->columns, d, c->A + s * rows * d, d, 1, c->S + s * d * c->columns, c->columns,
                 B + s * rows * c->columns, c->columns, true);
@@ -108,14 +146,15 @@ static lg_status record_points(lg_tape *tape, const lg_chain *c, recorded *x) {
     return lg_tape_status(tape);
 }
 
-lg_status lg_chain_interval(lg_tape *tape, lg_chain *c) {
+/* Fills `next` and A of the intervals from the current points; `moved` becomes (dF/dtheta, 0). */
+static lg_status interval(lg_tape *tape, lg_chain *c) {
     recorded x;
     if (lg_chain_plan_interval(tape, c)) return LG_OK;
     LG_TRY(record_points(tape, c, &x));
     LG_TRY(lg_machine_record_interval(tape, &x.flow, &c->problem->log, c->at, (uint32_t)c->count, x.parts));
     const lg_var to = lg_machine_join_row(tape, &x.vars, x.parts);
     LG_TRY(lg_read(tape, to, c->count * c->axes.numbers, c->next));
-    for (uint32_t i = 0; i < c->axes.count; i++) {
+    for (uint32_t i = 0; derives(c) && i < c->axes.count; i++) {
         const lg_mark mark = lg_tape_mark(tape);
         LG_TRY(sweep(tape, c, &x, sum_along(tape, c, to, &c->axes.each[i]), c->axes.count, i, c->moved));
         LG_TRY(lg_tape_rewind(tape, mark));
@@ -140,7 +179,7 @@ static lg_status move_starts(lg_tape *tape, lg_chain *c, lg_var positions, lg_va
     const lg_var z = lg_machine_join_row(tape, &x.vars, x.parts);
     LG_TRY(lg_read(tape, z, c->count * c->axes.numbers, c->next));
     memset(c->S, 0, c->count * d * c->columns * sizeof *c->S);
-    for (uint32_t i = 0; i < d; i++) {
+    for (uint32_t i = 0; derives(c) && i < d; i++) {
         const lg_var sum = sum_along(tape, c, z, &c->axes.each[i]);
         void *const into = c->moved; /* (count, own) */
         LG_TRY(lg_backward_set(tape, sum, &numbers, 1, &into));
@@ -173,8 +212,7 @@ lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c) {
 
 /* ---- accelerations ---- */
 
-/* If accelerations are measured, computes those of the current points (a), and their derivatives (of_a). */
-static lg_status show_accelerations(lg_tape *tape, lg_chain *c) {
+lg_status lg_chain_show(lg_tape *tape, lg_chain *c) {
     const lg_machine *machine = c->problem->machine;
     recorded x;
     if (!machine->accelerations) return LG_OK;
@@ -182,7 +220,7 @@ static lg_status show_accelerations(lg_tape *tape, lg_chain *c) {
     const lg_var a =
         lg_machine_record_shown(tape, &x.vars, &c->problem->log, c->at, (uint32_t)c->count, x.parts);
     LG_TRY(lg_read(tape, a, c->count * machine->velocities, c->a));
-    for (uint32_t k = 0; k < machine->velocities; k++) {
+    for (uint32_t k = 0; derives(c) && k < machine->velocities; k++) {
         const lg_mark mark = lg_tape_mark(tape);
         LG_TRY(sweep(tape, c, &x, lg_sum(tape, lg_slice(tape, a, 1, k, 1)), machine->velocities, k, c->of_a));
         LG_TRY(lg_tape_rewind(tape, mark));
@@ -193,12 +231,19 @@ static lg_status show_accelerations(lg_tape *tape, lg_chain *c) {
 
 /* ---- residuals ---- */
 
-/* Row s of z with what the log shows in place of the velocities. */
-static void shown_of(const lg_chain *c, size_t s, double *out) {
+void lg_chain_shown(const lg_chain *c, size_t s, double *out) {
     const lg_machine *machine = c->problem->machine;
     memcpy(out, c->z + s * c->axes.numbers, c->axes.numbers * sizeof *out);
     if (machine->accelerations)
         memcpy(out + machine->positions, c->a + s * machine->velocities, machine->velocities * sizeof *out);
+}
+
+void lg_chain_read(const lg_chain *c, size_t s, double *positions, double *velocities) {
+    const lg_machine *machine = c->problem->machine;
+    const double *z = c->z + s * c->axes.numbers;
+    memcpy(positions, z, machine->positions * sizeof *z);
+    memcpy(velocities, z + machine->positions, machine->velocities * sizeof *z);
+    lg_machine_unscale_row(machine, positions, velocities);
 }
 
 /* The derivatives of the number on axis i of row s. */
@@ -225,20 +270,23 @@ static void keep_across(const lg_chain *c, size_t row, size_t columns, double *r
         }
 }
 
-/* Writes the rows of the current points of all windows: the residual along each axis, and S times the
- * weight. */
+/* Adds the residuals of the current points of all windows to the losses, and writes the rows of r and of the
+ * Jacobian: the residual along each axis, and S times the weight. */
 static void put_rows(const lg_kernels *k, lg_chain *c) {
     const lg_machine *machine = c->problem->machine;
     const size_t seen = c->axes.seen, numbers = machine->positions + machine->velocities;
     double z[LG_CHAIN_NUMBERS], data[LG_CHAIN_NUMBERS], weight[LG_CHAIN_NUMBERS], r[LG_CHAIN_NUMBERS];
     for (size_t s = 0; s < c->count; s++) {
         const size_t row = c->at[s], first = s * c->rows + c->done;
-        shown_of(c, s, z);
-        lg_machine_shown_row(machine, &c->problem->log, row, data, data + machine->positions);
+        lg_chain_shown(c, s, z);
+        if (c->against != NULL)
+            lg_chain_shown(c->against, s, data);
+        else
+            lg_machine_shown_row(machine, &c->problem->log, row, data, data + machine->positions);
         lg_machine_weigh_row(c->problem, row, c->factor, weight, weight + machine->positions);
         for (uint32_t i = 0; i < numbers; i++) r[i] = weight[i] * (z[i] - data[i]);
         keep_across(c, row, 1, r + machine->positions);
-        for (uint32_t i = 0; i < numbers; i++) c->loss += r[i] * r[i];
+        for (uint32_t i = 0; i < numbers; i++) c->losses[s] += r[i] * r[i];
         if (c->r == NULL) continue;
         for (size_t i = 0; i < seen; i++) {
             const lg_row_axis *a = &c->axes.each[i];
@@ -259,44 +307,30 @@ uint32_t lg_chain_first(const lg_machine_problem *problem) {
     return lg_machine_starts_estimated(problem) ? 0 : 1;
 }
 
-static lg_status put_points(lg_tape *tape, lg_chain *c) {
-    LG_TRY(show_accelerations(tape, c));
-    put_rows(tape->k, c);
-    return LG_OK;
-}
-
-/* Moves z and S to the next points. */
-static void move(const lg_kernels *k, lg_chain *c) {
+lg_status lg_chain_advance(lg_tape *tape, lg_chain *c) {
     double *spare = c->S;
-    follow(k, c, c->axes.count, c->moved);
+    LG_TRY(interval(tape, c));
+    follow(tape->k, c, c->axes.count, c->moved);
     c->S = c->moved;
     c->moved = spare;
     memcpy(c->z, c->next, c->count * c->axes.numbers * sizeof *c->z);
     c->point++;
     for (size_t s = 0; s < c->count; s++) c->at[s]++;
+    return LG_OK;
 }
 
-/* Does what lg_chain_interval does, from the run. */
-static void take_interval(lg_chain *c) {
-    const size_t j = c->point, d = c->axes.count;
-    c->next = c->run->z + (j + 1) * c->axes.numbers;
-    c->A = c->run->A + j * d * d;
-    for (size_t i = 0; i < d; i++) {
-        memcpy(c->moved + i * c->columns, c->run->B + (j * d + i) * c->shared, c->shared * sizeof *c->moved);
-        memset(c->moved + i * c->columns + c->shared, 0, c->own * sizeof *c->moved);
+/* Goes to the first points, or with `on` to the next ones, and puts their rows where points have residuals. */
+static lg_status pass_point(lg_tape *tape, lg_chain *c, bool on) {
+    for (lg_chain *each = c; each != NULL; each = each->against) {
+        LG_TRY((on ? lg_chain_advance : lg_chain_first_points)(tape, each));
+        if (each->point >= lg_chain_first(each->problem)) LG_TRY(lg_chain_show(tape, each));
     }
+    if (c->point >= lg_chain_first(c->problem)) put_rows(tape->k, c);
+    return LG_OK;
 }
 
 lg_status lg_chain_pass_windows(lg_tape *tape, lg_chain *c) {
-    LG_TRY(lg_chain_first_points(tape, c));
-    if (lg_chain_first(c->problem) == 0) LG_TRY(put_points(tape, c));
-    while (c->point + 1 < c->problem->window) {
-        if (c->run != NULL)
-            take_interval(c);
-        else
-            LG_TRY(lg_chain_interval(tape, c));
-        move(tape->k, c);
-        LG_TRY(put_points(tape, c));
-    }
+    LG_TRY(pass_point(tape, c, false));
+    while (c->point + 1 < c->problem->window) LG_TRY(pass_point(tape, c, true));
     return LG_OK;
 }

@@ -1,5 +1,5 @@
-/* Residuals of windows and their Jacobian, interval by interval: row_axes.c, chain.c, interval_plan.c,
- * long_windows.c, jacobian.c.
+/* The walk of windows over the rows of a log, with residuals and their Jacobian: row_axes.c, chain.c,
+ * interval_plan.c, jacobian.c.
  *
  * z = (positions, velocities) of a row, in the order of logs. An interval maps z of one row to z of the
  * next row, z' = F(z, theta). A change of z has d components along axes: one for each place and velocity,
@@ -10,7 +10,8 @@
  *   S' = A S + (dF/dtheta, 0),  A = dF/dz.
  * One row of A and dF/dtheta takes one reverse sweep over all windows of the chunk. If theta is known, S
  * has no columns for it. Where accelerations are measured, the residuals compare a = G(z, theta) with the log
- * in place of the velocities. The Jacobian of a is dG/dz S + (dG/dtheta, 0). */
+ * in place of the velocities. The Jacobian of a is dG/dz S + (dG/dtheta, 0). Runs, losses and estimates of
+ * states pass the same rows without derivatives. */
 #ifndef LG_MACHINE_CHAIN_H
 #define LG_MACHINE_CHAIN_H
 
@@ -48,19 +49,15 @@ double lg_row_axis_component(const lg_row_axis *a, const double *z, const double
 
 /* ---- chains: windows that are passed from row to row (chain.c) ---- */
 
-/* All rows of one window of M rows that are solved for together (long_windows.c). */
-typedef struct lg_chain_run {
-    double *z, *F, *A, *B; /* (M, numbers), (M - 1, numbers), (M - 1, d, d), (M - 1, d, shared) */
-    double *dz, *apart;    /* of LG_FIT_CHUNK rows */
-} lg_chain_run;
-
 typedef struct lg_chain {
     const lg_machine_problem *problem;
     const double *theta;
-    const uint32_t *samples;
+    uint32_t samples[LG_FIT_CHUNK]; /* (count): which windows of the problem */
     /* count: windows; shared: learned parameters of the machine; own: numbers of a start; columns: shared +
-     * own; rows: residuals of one window. */
+     * own, 0 without derivatives; rows: residuals of one window; powers: of the time in the inputs of the
+     * log, 1 or 4. */
     size_t count, shared, own, columns, rows;
+    uint32_t powers;
     double factor;
     lg_row_axes axes;
     size_t at[LG_FIT_CHUNK]; /* (count): the log's rows of the current points */
@@ -73,35 +70,35 @@ typedef struct lg_chain {
     /* Where accelerations are measured: those of the current points, (count, velocities), and their rows of
      * the Jacobian, (count, velocities, columns). */
     double *a, *of_a;
-    double *r, *jacobian; /* NULL: only the loss is computed, of a machine without directions */
-    double loss;
-    size_t done;             /* rows of r and jacobian that are filled in each window */
-    const lg_chain_run *run; /* NULL: each interval is computed when it is passed */
+    double *losses;           /* (count): squared residuals */
+    double *r, *jacobian;     /* NULL: only the losses are wanted */
+    struct lg_chain *against; /* a chain of the same windows that residuals compare with; NULL: the log */
+    size_t done;              /* rows of r and jacobian that are filled in each window */
+    double *memory;
+    size_t bytes;
 } lg_chain;
 
-/* Places arrays one after the other in `memory` (NULL: only counts); returns how many numbers they have. */
-typedef struct lg_chain_array {
-    double **at;
-    size_t length;
-} lg_chain_array;
-size_t lg_chain_place(const lg_chain_array *arrays, size_t count, double *memory);
-/* The same for the arrays of a chain. */
-size_t lg_chain_place_all(lg_chain *c, double *memory);
+/* Prepares `count` <= LG_FIT_CHUNK windows of a problem, those of `samples`, or with NULL those from `first`
+ * on. `derived`: with derivatives. The memory is the tape's; lg_chain_close gives it back. */
+lg_status lg_chain_open(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
+                        const uint32_t *samples, size_t first, size_t count, bool derived, lg_chain *c);
+void lg_chain_close(lg_tape *tape, lg_chain *c);
 /* The first point of a window that has residuals: 0 if starts are estimated, else 1. */
 uint32_t lg_chain_first(const lg_machine_problem *problem);
 /* Sets z and S at the first points of all windows. */
 lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c);
-/* Fills `next` and A of the intervals from the current points; `moved` becomes (dF/dtheta, 0). */
-lg_status lg_chain_interval(lg_tape *tape, lg_chain *c);
-/* The same by a plan (interval_plan.c). False: the machine has none. */
+/* Moves z and S to the next points. */
+lg_status lg_chain_advance(lg_tape *tape, lg_chain *c);
+/* If accelerations are measured, computes those of the current points (a), and their derivatives (of_a). */
+lg_status lg_chain_show(lg_tape *tape, lg_chain *c);
+/* Row s of z with what the log shows in place of the velocities. */
+void lg_chain_shown(const lg_chain *c, size_t s, double *out);
+/* Row s of z in the units of the log. */
+void lg_chain_read(const lg_chain *c, size_t s, double *positions, double *velocities);
+/* Fills `next` and A of the intervals from the current points by a plan; `moved` becomes (dF/dtheta, 0)
+ * (interval_plan.c). False: there is no plan. */
 bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c);
-/* All points of all windows; intervals come from `run`, which has been solved for, if it is not NULL. */
+/* All points of all windows. */
 lg_status lg_chain_pass_windows(lg_tape *tape, lg_chain *c);
-
-/* ---- long windows (long_windows.c) ---- */
-
-/* As lg_chain_pass_windows, each window by itself. floor: if not NULL, it is computed in place of everything
- * else. */
-lg_status lg_chain_pass_long(lg_tape *tape, lg_chain *all, double *floor);
 
 #endif

@@ -4,20 +4,18 @@
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
-#include "machine/internal.h"
+#include "machine/chain.h"
 
 typedef struct walk {
     const lg_context *context;
     const lg_machine_problem *problem;
-    lg_fit_problem fit;
+    lg_machine_problem back; /* its log has the rows in reverse order: time falls */
     lg_tape *tape;
     size_t parameters, numbers; /* of the fit; of a start */
     double *theta, *trial;      /* (parameters): the best so far, and a trial */
     double *before;             /* (parameters): work of settle */
     double *losses, *found;     /* (windows) of theta and of trial; losses belong to the caller */
-    double *z;                  /* (windows, numbers): positions, then velocities, in scaled units */
     double *t, *u;              /* of the reversed log */
-    lg_machine_log back;        /* the log with its rows in reverse order: time falls */
 } walk;
 
 /* ---- the log backwards ---- */
@@ -38,84 +36,56 @@ static void reverse(walk *x) {
     for (size_t row = 0; row + 1 < rows && m > 0; row++)
         for (size_t k = 0; k < m; k++)
             turn_round(log->u + (rows - 2 - row) * 4 * m + k, m, x->u + row * 4 * m + k);
-    x->back = *log;
-    x->back.t = x->t;
-    x->back.u = m > 0 ? x->u : NULL;
+    x->back = *x->problem;
+    x->back.log.t = x->t;
+    x->back.log.u = m > 0 ? x->u : NULL;
 }
 
 /* ---- states ---- */
 
-/* Moves the states z (count, numbers) from rows at[0..count-1] over one interval of `log`. */
-static lg_status pass(const walk *x, const lg_machine_log *log, const size_t *at, uint32_t count, double *z) {
-    lg_tape *tape = x->tape;
-    lg_machine_vars vars;
-    lg_machine_flow flow;
-    lg_var parts[LG_TAPED_MAX_PARTS];
-    lg_tape_reset(tape);
-    LG_TRY(lg_machine_begin_flow(tape, x->problem, lg_machine_problem_parameter(tape, x->problem, x->theta),
-                                 &vars, &flow));
-    const lg_var from = lg_input_f64(tape, lg_shape2(count, (uint32_t)x->numbers), z);
-    LG_TRY(lg_machine_split_row(tape, &vars, from, parts));
-    LG_TRY(lg_machine_record_interval(tape, &flow, log, at, count, parts));
-    const lg_var to =
-        lg_machine_columns(tape, lg_machine_join_row(tape, &vars, parts), 0, (uint32_t)x->numbers);
-    return lg_read(tape, to, count * x->numbers, z);
-}
-
-/* z of window w: its start in theta (out), or theta from it. */
-static void exchange(const walk *x, size_t w, bool out, double *z, double *theta) {
+/* Makes z the start of window w in `trial`. */
+static void put_start(const walk *x, size_t w, const double *z) {
     const lg_machine *machine = x->problem->machine;
     double unit[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES],
         guess[LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES];
-    double *own = theta + lg_machine_shared(x->problem) + w * x->numbers;
+    double *own = x->trial + lg_machine_shared(x->problem) + w * x->numbers;
     lg_machine_start_units(x->problem, unit);
     lg_machine_scaled_rows(machine, &x->problem->log, &x->problem->start[w], 1, guess,
                            guess + machine->positions);
-    for (size_t k = 0; k < x->numbers; k++)
-        if (out)
-            z[k] = guess[k] + own[k] * unit[k];
-        else
-            own[k] = (z[k] - guess[k]) / unit[k];
+    for (size_t k = 0; k < x->numbers; k++) own[k] = (z[k] - guess[k]) / unit[k];
+}
+
+/* Moves the windows of the chain from their starts over a window, in either direction. */
+static lg_status pass(const walk *x, lg_chain *c, bool backwards) {
+    LG_TRY(lg_chain_first_points(x->tape, c));
+    if (backwards) c->problem = &x->back;
+    for (size_t i = 0; i < c->count && backwards; i++) c->at[i] = x->problem->log.rows - 1 - c->at[i];
+    for (uint32_t j = 0; j + 1 < x->problem->window; j++) LG_TRY(lg_chain_advance(x->tape, c));
+    return LG_OK;
 }
 
 /* Sets the starts in `trial` of up to LG_FIT_CHUNK windows that follow windows first, first + 1, ..., or of
  * these windows from those that follow. */
 static lg_status follow(walk *x, size_t first, bool backwards) {
     const lg_machine_problem *problem = x->problem;
-    size_t at[LG_FIT_CHUNK], of[LG_FIT_CHUNK];
-    uint32_t count = 0;
-    for (size_t w = first; w < first + LG_FIT_CHUNK && w < problem->windows; w++) {
+    uint32_t from[LG_FIT_CHUNK], of[LG_FIT_CHUNK], count = 0;
+    lg_chain c;
+    for (size_t w = first; w < first + LG_FIT_CHUNK && w + 1 < problem->windows; w++) {
         const size_t last = problem->start[w] + problem->window - 1; /* row of window w */
-        if (w + 1 >= problem->windows || problem->start[w + 1] != last) continue;
-        const size_t from = backwards ? w + 1 : w, row = problem->start[from];
-        exchange(x, from, true, x->z + count * x->numbers, x->theta);
-        at[count] = backwards ? problem->log.rows - 1 - row : row;
-        of[count++] = backwards ? w : w + 1;
+        if (problem->start[w + 1] != last) continue;
+        from[count] = (uint32_t)w + backwards;
+        of[count++] = (uint32_t)w + !backwards;
     }
-    for (uint32_t j = 0; j + 1 < problem->window && count > 0; j++) {
-        LG_TRY(pass(x, backwards ? &x->back : &problem->log, at, count, x->z));
-        for (uint32_t i = 0; i < count; i++) at[i]++;
-    }
-    for (uint32_t i = 0; i < count; i++) exchange(x, of[i], false, x->z + i * x->numbers, x->trial);
-    return LG_OK;
+    if (count == 0) return LG_OK;
+    LG_TRY(lg_chain_open(x->tape, problem, x->theta, from, 0, count, false, &c));
+    const lg_status status = pass(x, &c, backwards);
+    for (uint32_t i = 0; i < count && status == LG_OK; i++)
+        put_start(x, of[i], c.z + i * c.axes.numbers);
+    lg_chain_close(x->tape, &c);
+    return status;
 }
 
 /* ---- losses ---- */
-
-static lg_status find_losses(walk *x, const double *theta, double *losses) {
-    uint32_t samples[LG_FIT_CHUNK];
-    for (size_t first = 0; first < x->fit.samples; first += x->fit.chunk) {
-        const size_t left = x->fit.samples - first, count = left < x->fit.chunk ? left : x->fit.chunk;
-        lg_var r;
-        lg_tape_reset(x->tape);
-        const lg_var parameters = lg_parameter(x->tape, lg_shape1((uint32_t)x->parameters), theta);
-        for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
-        LG_TRY(x->fit.residuals(x->fit.user, x->tape, parameters, samples, count, 1, &r));
-        LG_TRY(
-            lg_read(x->tape, lg_sum_axis(x->tape, lg_square(x->tape, r), 1, false), count, losses + first));
-    }
-    return LG_OK;
-}
 
 /* Keeps the starts of `trial` that lower the loss of their window well; returns how many. */
 static size_t keep_better(walk *x) {
@@ -135,7 +105,7 @@ static lg_status go(walk *x, bool backwards, size_t *kept) {
     memcpy(x->trial, x->theta, x->parameters * sizeof *x->trial);
     for (size_t first = 0; first < x->problem->windows; first += LG_FIT_CHUNK)
         LG_TRY(follow(x, first, backwards));
-    LG_TRY(find_losses(x, x->trial, x->found));
+    LG_TRY(lg_machine_window_losses(x->tape, x->problem, x->trial, x->found));
     *kept = keep_better(x);
     return LG_OK;
 }
@@ -143,7 +113,7 @@ static lg_status go(walk *x, bool backwards, size_t *kept) {
 static lg_status go_along(walk *x) {
     enum { ROUNDS = 20 };
     const bool both = x->problem->machine->lags == 0 && x->problem->machine->bristles == 0;
-    LG_TRY(find_losses(x, x->theta, x->losses));
+    LG_TRY(lg_machine_window_losses(x->tape, x->problem, x->theta, x->losses));
     for (int round = 0, still = 0; round < ROUNDS && still < 2; round++) {
         size_t kept = 0;
         if (round % 2 == 0 || both) LG_TRY(go(x, round % 2 == 1, &kept));
@@ -156,7 +126,7 @@ static lg_status go_along(walk *x) {
 
 static void close_walk(walk *x) {
     lg_tape_destroy(x->tape);
-    LG_FREE_ALL(x->context, x->trial, x->before, x->found, x->z, x->t, x->u);
+    LG_FREE_ALL(x->context, x->trial, x->before, x->found, x->t, x->u);
 }
 
 static lg_status open_walk(const lg_context *context, const lg_machine_problem *problem, double *theta,
@@ -168,10 +138,9 @@ static lg_status open_walk(const lg_context *context, const lg_machine_problem *
                 .losses = losses,
                 .parameters = lg_machine_problem_parameters(problem),
                 .numbers = lg_machine_start_numbers(problem->machine)};
-    lg_machine_fit_problem(problem, &x->fit);
     LG_TRY(LG_ALLOC_ALL(context, LG_ARRAY(x->trial, x->parameters), LG_ARRAY(x->before, x->parameters),
-                        LG_ARRAY(x->found, problem->windows), LG_ARRAY(x->z, LG_FIT_CHUNK * x->numbers),
-                        LG_ARRAY(x->t, rows), LG_ARRAY(x->u, rows * 4 * problem->machine->input_count)));
+                        LG_ARRAY(x->found, problem->windows), LG_ARRAY(x->t, rows),
+                        LG_ARRAY(x->u, rows * 4 * problem->machine->input_count)));
     reverse(x);
     return lg_tape_create(context, NULL, &x->tape);
 }
@@ -194,27 +163,19 @@ lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine
 
 /* Writes the states of windows first, first + 1, ..., at most LG_FIT_CHUNK, to their rows. */
 static lg_status write_states(walk *x, size_t first, double *q, double *v) {
-    const lg_machine_problem *problem = x->problem;
-    const lg_machine *machine = problem->machine;
-    const size_t left = problem->windows - first, nq = machine->positions, nv = machine->velocities;
-    const uint32_t count = (uint32_t)(left < LG_FIT_CHUNK ? left : LG_FIT_CHUNK);
-    size_t at[LG_FIT_CHUNK];
-    for (uint32_t i = 0; i < count; i++) {
-        at[i] = problem->start[first + i];
-        exchange(x, first + i, true, x->z + i * x->numbers, x->theta);
+    const lg_machine *machine = x->problem->machine;
+    const size_t left = x->problem->windows - first, count = left < LG_FIT_CHUNK ? left : LG_FIT_CHUNK;
+    lg_chain c;
+    LG_TRY(lg_chain_open(x->tape, x->problem, x->theta, NULL, first, count, false, &c));
+    lg_status status = lg_chain_first_points(x->tape, &c);
+    while (status == LG_OK) {
+        for (size_t i = 0; i < count; i++)
+            lg_chain_read(&c, i, q + c.at[i] * machine->positions, v + c.at[i] * machine->velocities);
+        if (c.point + 1 == x->problem->window) break;
+        status = lg_chain_advance(x->tape, &c);
     }
-    for (uint32_t j = 0;; j++) {
-        for (uint32_t i = 0; i < count; i++) {
-            const double *z = x->z + i * x->numbers;
-            memcpy(q + at[i] * nq, z, nq * sizeof *q);
-            memcpy(v + at[i] * nv, z + nq, nv * sizeof *v);
-            lg_machine_unscale_row(machine, q + at[i] * nq, v + at[i] * nv);
-        }
-        if (j + 1 == problem->window) break;
-        LG_TRY(pass(x, &problem->log, at, count, x->z));
-        for (uint32_t i = 0; i < count; i++) at[i]++;
-    }
-    return LG_OK;
+    lg_chain_close(x->tape, &c);
+    return status;
 }
 
 /* Fits the starts of all windows, and continues them while that changes one. x->trial is overwritten. */

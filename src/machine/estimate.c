@@ -4,7 +4,7 @@
 
 #include "autodiff/tape/tape_internal.h"
 #include "core/clean.h"
-#include "machine/internal.h"
+#include "machine/chain.h"
 
 typedef struct estimate {
     const lg_context *context;
@@ -63,20 +63,13 @@ lg_status lg_machine_fit_starts(const lg_context *context, const lg_machine_prob
  * velocities). */
 static lg_status read_starts(const estimate *e, const lg_machine_problem *problem, double *q, double *v) {
     const lg_machine *machine = problem->machine;
-    const uint32_t rows = (uint32_t)problem->windows, nq = machine->positions, nv = machine->velocities;
-    lg_tape *tape = e->tape;
-    lg_machine_vars vars;
-    lg_var parts[LG_TAPED_MAX_PARTS], positions, velocities;
-    lg_tape_reset(tape);
-    LG_TRY(lg_machine_bind(tape, machine, lg_machine_parameter(tape, machine, problem->theta), &vars));
-    LG_TRY(
-        lg_machine_record_rows(tape, machine, &problem->log, problem->start, rows, &positions, &velocities));
-    const lg_var numbers = lg_input_f64(tape, lg_shape2(rows, lg_machine_start_numbers(machine)), e->numbers);
-    LG_TRY(lg_machine_move_starts(tape, problem, &vars, numbers, positions, velocities, parts));
-    LG_TRY(lg_read(tape, lg_machine_record_positions(tape, &vars, parts), (size_t)rows * nq, q));
-    LG_TRY(lg_read(tape, lg_machine_record_velocities(tape, &vars, parts), (size_t)rows * nv, v));
-    for (uint32_t i = 0; i < rows; i++) lg_machine_unscale_row(machine, q + i * nq, v + i * nv);
-    return LG_OK;
+    lg_chain c;
+    LG_TRY(lg_chain_open(e->tape, problem, e->numbers, NULL, 0, problem->windows, false, &c));
+    const lg_status status = lg_chain_first_points(e->tape, &c);
+    for (size_t i = 0; i < c.count && status == LG_OK; i++)
+        lg_chain_read(&c, i, q + i * machine->positions, v + i * machine->velocities);
+    lg_chain_close(e->tape, &c);
+    return status;
 }
 
 static lg_status estimate_group(const estimate *e, const lg_machine_problem *problem, double *q, double *v,

@@ -510,13 +510,9 @@ void lg_machine_along_row(const lg_machine_problem *problem, size_t row, double 
 /* lg_fit_problem.linearise and lg_fit_problem.rows of a problem of windows. */
 lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
                                size_t count, size_t batch, double *loss, double *r, double *jacobian);
-/* Whether lg_machine_linearise solves for all rows of a window at the same time; lg_machine_long_loss then
- * computes the loss of these samples, or if `floor` is not NULL adds the part that comes from the steps to it
- * (NaN: the windows are too unstable). */
-bool lg_machine_is_long(const lg_machine_problem *problem);
-lg_status lg_machine_long_loss(const lg_machine_problem *problem, lg_tape *tape, const double *theta,
-                               const uint32_t *samples, size_t count, size_t batch, double *loss,
-                               double *floor);
+/* losses (windows): of each window, as in a batch of 1. */
+lg_status lg_machine_window_losses(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
+                                   double *losses);
 size_t lg_machine_linearised_rows(const lg_machine_problem *problem);
 /* Most windows from which errors of numbers and expected losses are computed. */
 enum { LG_MACHINE_MOST_WINDOWS = 512 };

@@ -1,7 +1,7 @@
-/* Machines whose friction sticks: intervals between rows and their derivatives by a plan. Such an interval
- * has thousands of operations, and recording them for each interval of each evaluation takes far longer than
- * the numbers themselves. So the interval and its derivatives are recorded once, and the tape of the fit
- * keeps the plan for the machine, the substeps and the hold. */
+/* Machines of lines and angles: intervals between rows and their derivatives by a plan. Where friction sticks
+ * an interval has thousands of operations, and a chunk has few long windows. Recording then takes far longer
+ * than the numbers themselves. So the interval and its derivatives are recorded once, and the tape of the fit
+ * keeps a plan for each machine, scheme, substeps and hold. */
 #include <string.h>
 
 #include "autodiff/program/program.h"
@@ -9,23 +9,27 @@
 #include "liegrad/ops.h"
 #include "machine/chain.h"
 
-enum { ROWS = 32, COLUMNS = 64 }; /* rows of the plan; most derivatives of an interval */
+/* Most rows of the plan; most derivatives of an interval; least rows of a long window. */
+enum { ROWS = 32, COLUMNS = 64, LONG = 512 };
 
 typedef struct interval_plan {
+    struct interval_plan *next;
     const lg_context *context;
     lg_machine machine;
-    uint32_t substeps, powers; /* powers of the time in the inputs: 1, or 4 */
-    uint32_t numbers, columns; /* the length of z; the derivatives by z and theta */
+    const lg_scheme *scheme;
+    uint32_t substeps, powers;
+    uint32_t rows, numbers, columns; /* of the plan; the length of z; the derivatives by z and theta */
     lg_plan *plan;             /* NULL: it cannot be made */
     void *work;
-    double *z, *u, *h, *next, *slopes;
+    double *z, *u, *h, *after, *slopes;
 } interval_plan;
 
 static void release(void *kept) {
-    interval_plan *p = kept;
-    if (p == NULL) return;
-    lg_plan_destroy(p->plan);
-    LG_FREE_ALL(p->context, p->work, p->z, p->next, p->slopes, p->u, p->h, p);
+    for (interval_plan *p = kept, *next; p != NULL; p = next) {
+        next = p->next;
+        lg_plan_destroy(p->plan);
+        LG_FREE_ALL(p->context, p->work, p->z, p->after, p->slopes, p->u, p->h, p);
+    }
 }
 
 /* ---- recording ---- */
@@ -54,7 +58,7 @@ static lg_status record(void *user, lg_tape *tape, const lg_var *parameters, con
     lg_machine_flow flow;
     lg_var u[4] = {LG_NONE, LG_NONE, LG_NONE, LG_NONE}, parts[LG_TAPED_MAX_PARTS], columns[COLUMNS];
     const lg_machine_problem problem = {
-        .machine = machine, .scheme = lg_scheme_find("cf4"), .substeps = p->substeps};
+        .machine = machine, .scheme = p->scheme, .substeps = p->substeps};
     LG_TRY(lg_machine_begin_flow(tape, &problem, theta, &vars, &flow));
     LG_TRY(lg_machine_split_row(tape, &vars, in[0], parts));
     for (uint32_t k = 0; k < p->powers && m > 0; k++) u[k] = lg_machine_columns(tape, in[2], k * m, m);
@@ -85,48 +89,52 @@ static lg_status make(interval_plan *p) {
     lg_program *program;
     LG_TRY(lg_program_of(p->context, &function, 1, &program, NULL));
     lg_plan_options_init(&options);
-    options.rows = ROWS;
+    options.rows = p->rows;
     lg_status status = lg_plan_create(program, 0, &options, &p->plan, NULL);
     lg_program_destroy(program);
     if (status != LG_OK) return status;
-    const size_t numbers = (size_t)ROWS * p->numbers;
+    const size_t numbers = (size_t)p->rows * p->numbers;
     return LG_ALLOC_ALL(p->context, {&p->work, 1, lg_plan_work_size(p->plan)}, LG_ARRAY(p->z, numbers),
-                        LG_ARRAY(p->next, numbers), LG_ARRAY(p->slopes, numbers * p->columns),
-                        LG_ARRAY(p->u, (size_t)ROWS * width), LG_ARRAY(p->h, ROWS));
+                        LG_ARRAY(p->after, numbers), LG_ARRAY(p->slopes, numbers * p->columns),
+                        LG_ARRAY(p->u, (size_t)p->rows * width), LG_ARRAY(p->h, p->rows));
 }
 
-/* ---- the plan that the tape keeps ---- */
+/* ---- the plans that the tape keeps ---- */
 
-static uint32_t powers_of(const lg_machine_log *log, uint32_t m) {
-    for (size_t row = 0; row < log->rows && m > 0; row++)
-        for (uint32_t i = m; i < 4 * m; i++)
-            if (log->u[row * 4 * m + i] != 0.0) return 4;
-    return 1;
+/* Whether a plan takes less time than the tape. Losses of short windows are too soon done. */
+static bool pays(const lg_chain *c) {
+    const lg_machine_problem *problem = c->problem;
+    const lg_machine *machine = problem->machine;
+    const bool is_long = problem->window >= LONG, simple = machine->directions + machine->rotations == 0;
+    return simple && (is_long || (machine->sticks != 0 && c->columns > 0)) && machine->lags == 0 &&
+           machine->bristles == 0 && c->axes.numbers + c->shared <= COLUMNS &&
+           problem->scheme->kind != LG_SCHEME_VARIATIONAL;
 }
 
 /* The plan for the chain's machine, made if the tape does not have it; NULL: there is none. */
 static const interval_plan *plan_of(lg_tape *tape, const lg_chain *c) {
     const lg_machine_problem *problem = c->problem;
     const lg_machine *machine = problem->machine;
-    const uint32_t n = machine->positions + machine->velocities,
-                   powers = powers_of(&problem->log, machine->input_count);
-    interval_plan *p = tape->kept;
-    if (machine->sticks == 0 || machine->lags > 0 || machine->bristles > 0 || n + c->shared > COLUMNS ||
-        problem->scheme->kind == LG_SCHEME_VARIATIONAL)
-        return NULL;
-    if (p != NULL && p->substeps == problem->substeps && p->powers == powers && p->columns == n + c->shared &&
-        memcmp(&p->machine, machine, sizeof *machine) == 0)
-        return p->plan != NULL ? p : NULL;
-    release(tape->kept);
-    tape->kept = p = lg_alloc(tape->context, 1, sizeof *p);
-    tape->release = release;
+    const uint32_t n = c->axes.numbers, columns = n + (uint32_t)c->shared,
+                   rows = c->count < ROWS ? (uint32_t)c->count : ROWS;
+    if (!pays(c)) return NULL;
+    for (interval_plan *p = tape->kept; p != NULL; p = p->next)
+        if (p->scheme == problem->scheme && p->substeps == problem->substeps && p->powers == c->powers &&
+            p->columns == columns && p->rows >= rows && memcmp(&p->machine, machine, sizeof *machine) == 0)
+            return p->plan != NULL ? p : NULL;
+    interval_plan *p = lg_alloc(tape->context, 1, sizeof *p);
     if (p == NULL) return NULL;
-    *p = (interval_plan){.context = tape->context,
+    *p = (interval_plan){.next = tape->kept,
+                         .context = tape->context,
+                         .scheme = problem->scheme,
                          .substeps = problem->substeps,
-                         .powers = powers,
+                         .powers = c->powers,
+                         .rows = rows,
                          .numbers = n,
-                         .columns = n + (uint32_t)c->shared};
+                         .columns = columns};
     memcpy(&p->machine, machine, sizeof *machine);
+    tape->kept = p;
+    tape->release = release;
     if (make(p) == LG_OK) return p;
     lg_plan_destroy(p->plan);
     p->plan = NULL;
@@ -150,8 +158,8 @@ static void fill(const interval_plan *p, const lg_chain *c, size_t s, size_t row
 static void take(const interval_plan *p, lg_chain *c, size_t from, size_t s) {
     const size_t d = c->axes.count, n = p->numbers;
     const double *slopes = p->slopes + from * n * p->columns;
-    memcpy(c->next + s * n, p->next + from * n, n * sizeof *c->next);
-    for (size_t i = 0; i < d; i++) {
+    memcpy(c->next + s * n, p->after + from * n, n * sizeof *c->next);
+    for (size_t i = 0; c->columns > 0 && i < d; i++) {
         double *out = c->moved + (s * d + i) * c->columns;
         const size_t at = c->axes.each[i].first;
         for (size_t j = 0; j < d; j++) c->A[(s * d + i) * d + j] = slopes[c->axes.each[j].first * n + at];
@@ -166,13 +174,13 @@ bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c) {
     const double *theta = c->shared > 0 ? c->theta : c->problem->theta;
     const bool driven = p->machine.input_count > 0;
     const void *in[4] = {p->z, p->h, driven ? p->u : theta, theta};
-    for (size_t first = 0; first < c->count; first += ROWS) {
-        const size_t left = c->count - first, count = left < ROWS ? left : ROWS;
-        for (size_t i = 0; i < ROWS; i++) {
+    for (size_t first = 0; first < c->count; first += p->rows) {
+        const size_t left = c->count - first, count = left < p->rows ? left : p->rows;
+        for (size_t i = 0; i < p->rows; i++) {
             const size_t s = first + (i < count ? i : 0);
             fill(p, c, s, c->at[s], i);
         }
-        lg_plan_eval(p->plan, in, (void *const[]){p->next, p->slopes}, p->work);
+        lg_plan_eval(p->plan, in, (void *const[]){p->after, p->slopes}, p->work);
         for (size_t i = 0; i < count; i++) take(p, c, i, first + i);
     }
     return true;

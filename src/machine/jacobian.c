@@ -20,8 +20,8 @@ static void put_priors(lg_chain *c, size_t batch) {
         const double r = weight * (x - p->centre) / p->sigma;
         for (size_t s = 0; s < c->count; s++) {
             const size_t row = s * c->rows + c->done + i;
-            c->loss += r * r;
-            if (c->r == NULL) continue; /* only the loss is wanted */
+            c->losses[s] += r * r;
+            if (c->r == NULL) continue;
             memset(c->jacobian + row * c->columns, 0, c->columns * sizeof *c->jacobian);
             c->jacobian[row * c->columns + column] = weight * slope / p->sigma;
             c->r[row] = r;
@@ -59,41 +59,90 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
     }
 }
 
-static lg_status run_chain(const lg_machine_problem *problem, lg_tape *tape, const double *theta,
-                           const uint32_t *samples, size_t count, size_t batch, double *loss, double *floor,
-                           double *r, double *jacobian) {
-    const uint32_t first = lg_chain_first(problem);
-    lg_chain c = {.problem = problem,
-                  .theta = theta,
-                  .samples = samples,
-                  .count = count,
-                  .shared = lg_machine_shared(problem),
-                  .own = first == 0 ? lg_machine_start_numbers(problem->machine) : 0,
-                  .rows = lg_machine_linearised_rows(problem),
-                  .factor = 1.0 / sqrt((double)batch * (double)(problem->window - first)),
-                  .axes = lg_row_axes_of(problem->machine),
-                  .r = r,
-                  .jacobian = jacobian};
-    c.columns = c.shared + c.own;
-    const size_t bytes = lg_chain_place_all(&c, NULL) * sizeof(double);
-    double *memory = lg_pool_take(tape, bytes);
-    if (memory == NULL) return lg_tape_status(tape);
-    (void)lg_chain_place_all(&c, memory);
-    const lg_status status =
-        lg_machine_is_long(problem) ? lg_chain_pass_long(tape, &c, floor) : lg_chain_pass_windows(tape, &c);
-    if (status == LG_OK) put_priors(&c, batch);
-    lg_pool_give(tape, memory, bytes);
-    *loss = c.loss;
+/* ---- windows of a chunk ---- */
+
+/* Passes the windows of an open chain and closes it. losses (count): of each window, in a batch of `batch`.
+ * A chain that is compared with another one has no priors. */
+static lg_status run_chain(lg_tape *tape, lg_chain *c, size_t batch, double *losses) {
+    const uint32_t points = c->problem->window - lg_chain_first(c->problem);
+    c->rows = lg_machine_linearised_rows(c->problem);
+    c->factor = 1.0 / sqrt((double)batch * (double)points);
+    const lg_status status = lg_chain_pass_windows(tape, c);
+    if (status == LG_OK && c->against == NULL) put_priors(c, batch);
+    if (status == LG_OK) memcpy(losses, c->losses, c->count * sizeof *losses);
+    lg_chain_close(tape, c);
     return status;
 }
 
 lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
                                size_t count, size_t batch, double *loss, double *r, double *jacobian) {
-    return run_chain(user, tape, theta, samples, count, batch, loss, NULL, r, jacobian);
+    lg_chain c;
+    double losses[LG_FIT_CHUNK];
+    LG_TRY(lg_chain_open(tape, user, theta, samples, 0, count, true, &c));
+    c.r = r;
+    c.jacobian = jacobian;
+    LG_TRY(run_chain(tape, &c, batch, losses));
+    *loss = 0.0;
+    for (size_t s = 0; s < count; s++) *loss += losses[s];
+    return LG_OK;
 }
 
-lg_status lg_machine_long_loss(const lg_machine_problem *problem, lg_tape *tape, const double *theta,
-                               const uint32_t *samples, size_t count, size_t batch, double *loss,
-                               double *floor) {
-    return run_chain(problem, tape, theta, samples, count, batch, loss, floor, NULL, NULL);
+/* ---- losses of all windows ---- */
+
+static lg_status find_losses(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
+                             size_t first, size_t count, size_t batch, double *losses) {
+    lg_chain c;
+    LG_TRY(lg_chain_open(tape, problem, theta, NULL, first, count, false, &c));
+    return run_chain(tape, &c, batch, losses);
+}
+
+/* The same, but of the steps' own error: the difference between predictions with the substeps and with twice
+ * as many, times 2^p/(2^p - 1) for a scheme of order p. */
+static lg_status find_floors(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
+                             size_t first, size_t count, size_t batch, double *floors) {
+    const double power = ldexp(1.0, problem->scheme->order), factor = power / (power - 1.0);
+    lg_machine_problem finer = *problem;
+    lg_chain once, twice;
+    finer.substeps *= 2;
+    LG_TRY(lg_chain_open(tape, problem, theta, NULL, first, count, false, &once));
+    lg_status status = lg_chain_open(tape, &finer, theta, NULL, first, count, false, &twice);
+    once.against = &twice;
+    if (status == LG_OK) status = run_chain(tape, &once, batch, floors);
+    for (size_t s = 0; s < count && status == LG_OK; s++) floors[s] *= factor * factor;
+    lg_chain_close(tape, &twice);
+    lg_chain_close(tape, &once);
+    return status;
+}
+
+lg_status lg_machine_window_losses(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
+                                   double *losses) {
+    for (size_t first = 0; first < problem->windows; first += LG_FIT_CHUNK) {
+        const size_t left = problem->windows - first, count = left < LG_FIT_CHUNK ? left : LG_FIT_CHUNK;
+        LG_TRY(find_losses(tape, problem, theta, first, count, 1, losses + first));
+    }
+    return LG_OK;
+}
+
+static lg_status add_windows(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
+                             bool floor, double *sum) {
+    double losses[LG_FIT_CHUNK], all_losses = 0.0;
+    for (size_t first = 0, all = problem->windows - problem->validation; first < all; first += LG_FIT_CHUNK) {
+        const size_t count = all - first < LG_FIT_CHUNK ? all - first : LG_FIT_CHUNK;
+        LG_TRY((floor ? find_floors : find_losses)(tape, problem, theta, first, count, all, losses));
+        for (size_t s = 0; s < count; s++) all_losses += losses[s];
+    }
+    *sum = all_losses;
+    return LG_OK;
+}
+
+lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem, const double *theta,
+                          double *loss, double *floor, lg_error *error) {
+    LG_NEEDS(error, problem, loss);
+    LG_TRY(lg_machine_problem_check(problem, error));
+    LG_NEEDS(error, theta);
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
+    if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
+    lg_status status = add_windows(tape, problem, theta, false, loss);
+    if (status == LG_OK && floor != NULL) status = add_windows(tape, problem, theta, true, floor);
+    return lg_tape_conclude(tape, status, error);
 }

@@ -180,29 +180,6 @@ static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const 
     return lg_tape_status(tape);
 }
 
-/* As the loss, but of the steps' own error: the difference between predictions with the substeps and with
- * twice as many, times 2^p/(2^p - 1) for a scheme of order p. */
-static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
-                             size_t batch, lg_var *floor) {
-    const lg_machine_problem *problem = user;
-    const double power = ldexp(1.0, problem->scheme->order);
-    points p;
-    lg_machine_vars vars;
-    lg_machine_flow once, twice;
-    lg_var all[LG_TAPED_MAX_PARTS];
-    given data;
-    LG_TRY(begin(tape, problem, theta, samples, count, &p, &vars, &once));
-    twice = once;
-    twice.substeps *= 2;
-    LG_TRY(put_given(tape, &p, factor_of(&p, batch) * power / (power - 1.0), &data));
-    LG_TRY(predict_joined(tape, &p, &twice, theta, all));
-    data.positions = lg_machine_record_positions(tape, &vars, all);
-    data.velocities = shown(tape, &p, &vars, all);
-    LG_TRY(predict_joined(tape, &p, &once, theta, all));
-    *floor = lg_sum(tape, lg_square(tape, differences(tape, &p, &vars, &data, all)));
-    return lg_tape_status(tape);
-}
-
 /* How many logged numbers the training part has, for the prior. */
 static size_t observations(const lg_machine_problem *problem) {
     const lg_machine *machine = problem->machine;
@@ -239,37 +216,4 @@ void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *o
         .own = lg_machine_starts_estimated(problem) ? lg_machine_start_numbers(problem->machine) : 0,
         .observations = weights > 0 ? observations(problem) : 0,
         .weights = weights};
-}
-
-/* ---- loss of all windows ---- */
-
-static lg_status add_windows(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
-                             double *loss, double *floor) {
-    double none;
-    *loss = 0.0;
-    if (floor != NULL) *floor = 0.0;
-    for (size_t w = 0, all = problem->windows - problem->validation; w < all; w++) {
-        const uint32_t sample = (uint32_t)w;
-        double value;
-        LG_TRY(lg_machine_long_loss(problem, tape, theta, &sample, 1, all, &value, NULL));
-        *loss += value;
-        if (floor != NULL) LG_TRY(lg_machine_long_loss(problem, tape, theta, &sample, 1, all, &none, floor));
-    }
-    return LG_OK;
-}
-
-lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem, const double *theta,
-                          double *loss, double *floor, lg_error *error) {
-    LG_NEEDS(error, problem, loss);
-    LG_TRY(lg_machine_problem_check(problem, error));
-    if (!lg_machine_is_long(problem)) {
-        lg_fit_problem fit;
-        lg_machine_fit_problem(problem, &fit);
-        LG_TRY(lg_fit_problem_loss(context, &fit, theta, loss, error));
-        fit.loss = shard_floor;
-        return floor != NULL ? lg_fit_problem_loss(context, &fit, theta, floor, error) : LG_OK;
-    }
-    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
-    if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
-    return lg_tape_conclude(tape, add_windows(tape, problem, theta, loss, floor), error);
 }

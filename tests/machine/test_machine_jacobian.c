@@ -179,8 +179,8 @@ TEST("the Jacobian has the derivatives by the starts, each start in its own colu
     assert_jacobian(&rods, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);
 }
 
-/* A window of so many rows that they are solved for together, of lines and angles. */
-TEST("the rows of a long window are solved for together: loss, residuals and Jacobian are the tape's") {
+/* A window of so many rows that a plan passes them, of lines and angles. */
+TEST("a plan passes the rows of a long window: loss, residuals and Jacobian are the tape's") {
     enum { LONG = 520, ALL = LONG + PARTS - 1 };
     lg_machine machine = empty_machine();
     add_coordinate(&machine, "x", LG_COORDINATE_LINE);
@@ -221,16 +221,6 @@ TEST("the rows of a long window are solved for together: loss, residuals and Jac
     assert_ok(lg_read(tape, lg_sum(tape, lg_square(tape, taped)), 1, &whole));
     assert_close(loss, whole, 1e-11, 0);
     if (!(floor > 0 && floor < 0.01 * loss)) fail_msg("floor %g of the loss %g", floor, loss);
-    lg_machine other = machine;
-    t->problem.machine = &other;
-    assert_true(lg_machine_is_long(&t->problem));
-    other.bristles = 1;
-    assert_false(lg_machine_is_long(&t->problem));
-    other = machine, other.accelerations = true;
-    assert_false(lg_machine_is_long(&t->problem));
-    other = empty_machine();
-    add_coordinate(&other, "d", LG_COORDINATE_DIRECTION);
-    assert_false(lg_machine_is_long(&t->problem));
 }
 
 /* Residuals of momenta of windows of `rows` rows from the given rows on. */
