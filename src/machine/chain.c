@@ -166,16 +166,22 @@ static lg_status interval(lg_tape *tape, lg_chain *c) {
 
 /* Moves the starts by their parameters; S becomes the derivative with respect to these, in the last `own`
  * columns. */
-static lg_status move_starts(lg_tape *tape, lg_chain *c, lg_var positions, lg_var velocities) {
+static lg_status move_starts(lg_tape *tape, lg_chain *c) {
+    const lg_machine *machine = c->problem->machine;
     const size_t d = c->axes.count, own = c->own;
     recorded x;
     void *memory;
+    lg_tape_reset(tape);
     const lg_var numbers = lg_input_buffer(tape, lg_shape2((uint32_t)c->count, (uint32_t)own), &memory);
     if (lg_is_none(numbers)) return lg_tape_status(tape);
     for (size_t s = 0; s < c->count; s++)
         memcpy((double *)memory + s * own, c->theta + c->shared + c->samples[s] * own, own * sizeof(double));
     LG_TRY(bind(tape, c, &x));
-    LG_TRY(lg_machine_move_starts(tape, c->problem, &x.vars, numbers, positions, velocities, x.parts));
+    x.z = lg_input_f64(tape, lg_shape2((uint32_t)c->count, c->axes.numbers), c->z);
+    LG_TRY(lg_machine_move_starts(tape, c->problem, &x.vars, numbers,
+                                  lg_machine_columns(tape, x.z, 0, machine->positions),
+                                  lg_machine_columns(tape, x.z, machine->positions, machine->velocities),
+                                  x.parts));
     const lg_var z = lg_machine_join_row(tape, &x.vars, x.parts);
     LG_TRY(lg_read(tape, z, c->count * c->axes.numbers, c->next));
     memset(c->S, 0, c->count * d * c->columns * sizeof *c->S);
@@ -192,22 +198,13 @@ static lg_status move_starts(lg_tape *tape, lg_chain *c, lg_var positions, lg_va
 
 lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c) {
     const lg_machine *machine = c->problem->machine;
-    const uint32_t rows = (uint32_t)c->count, n = c->axes.numbers;
-    void *memory[2];
-    lg_tape_reset(tape);
-    const lg_var positions = lg_input_buffer(tape, lg_shape2(rows, machine->positions), &memory[0]),
-                 velocities = lg_input_buffer(tape, lg_shape2(rows, machine->velocities), &memory[1]);
-    LG_TRY(lg_tape_status(tape));
-    memset(c->z, 0, c->count * n * sizeof *c->z);
-    for (size_t s = 0; s < c->count; s++) c->at[s] = c->problem->start[c->samples[s]];
-    lg_machine_scaled_rows(machine, &c->problem->log, c->at, c->count, memory[0], memory[1]);
+    memset(c->z, 0, c->count * c->axes.numbers * sizeof *c->z);
     for (size_t s = 0; s < c->count; s++) {
-        const double *q = memory[0], *v = memory[1];
-        memcpy(c->z + s * n, q + s * machine->positions, machine->positions * sizeof *q);
-        memcpy(c->z + s * n + machine->positions, v + s * machine->velocities,
-               machine->velocities * sizeof *v);
+        double *z = c->z + s * c->axes.numbers;
+        c->at[s] = c->problem->start[c->samples[s]];
+        lg_machine_scaled_rows(machine, &c->problem->log, &c->at[s], 1, z, z + machine->positions);
     }
-    return c->own > 0 ? move_starts(tape, c, positions, velocities) : LG_OK;
+    return c->own > 0 ? move_starts(tape, c) : LG_OK;
 }
 
 /* ---- accelerations ---- */
