@@ -7,7 +7,8 @@
 
 /* ---- memory ---- */
 
-/* Places the arrays one after the other in `memory` (NULL: only counts); returns how many numbers they have. */
+/* Places the arrays one after the other in `memory` (NULL: only counts); returns the number of their
+ * elements. */
 static size_t place(lg_chain *c, double *memory) {
     const lg_machine *machine = c->problem->machine;
     const size_t n = c->count * c->axes.numbers, d = c->axes.count, S = c->count * d * c->columns,
@@ -178,10 +179,9 @@ static lg_status move_starts(lg_tape *tape, lg_chain *c) {
         memcpy((double *)memory + s * own, c->theta + c->shared + c->samples[s] * own, own * sizeof(double));
     LG_TRY(bind(tape, c, &x));
     x.z = lg_input_f64(tape, lg_shape2((uint32_t)c->count, c->axes.numbers), c->z);
-    LG_TRY(lg_machine_move_starts(tape, c->problem, &x.vars, numbers,
-                                  lg_machine_columns(tape, x.z, 0, machine->positions),
-                                  lg_machine_columns(tape, x.z, machine->positions, machine->velocities),
-                                  x.parts));
+    LG_TRY(lg_machine_move_starts(
+        tape, c->problem, &x.vars, numbers, lg_machine_columns(tape, x.z, 0, machine->positions),
+        lg_machine_columns(tape, x.z, machine->positions, machine->velocities), x.parts));
     const lg_var z = lg_machine_join_row(tape, &x.vars, x.parts);
     LG_TRY(lg_read(tape, z, c->count * c->axes.numbers, c->next));
     memset(c->S, 0, c->count * d * c->columns * sizeof *c->S);
@@ -316,7 +316,7 @@ lg_status lg_chain_advance(lg_tape *tape, lg_chain *c) {
     return LG_OK;
 }
 
-/* Goes to the first points, or with `on` to the next ones, and puts their rows where points have residuals. */
+/* Goes to the first points, or with `on` to the next ones, and puts their rows where they have residuals. */
 static lg_status pass_point(lg_tape *tape, lg_chain *c, bool on) {
     for (lg_chain *each = c; each != NULL; each = each->against) {
         LG_TRY((on ? lg_chain_advance : lg_chain_first_points)(tape, each));

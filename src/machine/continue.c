@@ -79,8 +79,7 @@ static lg_status follow(walk *x, size_t first, bool backwards) {
     if (count == 0) return LG_OK;
     LG_TRY(lg_chain_open(x->tape, problem, x->theta, from, 0, count, false, &c));
     const lg_status status = pass(x, &c, backwards);
-    for (uint32_t i = 0; i < count && status == LG_OK; i++)
-        put_start(x, of[i], c.z + i * c.axes.numbers);
+    for (uint32_t i = 0; i < count && status == LG_OK; i++) put_start(x, of[i], c.z + i * c.axes.numbers);
     lg_chain_close(x->tape, &c);
     return status;
 }

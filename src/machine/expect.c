@@ -10,25 +10,19 @@
 #include <math.h>
 #include <string.h>
 
-#include "autodiff/tape/tape_internal.h"
 #include "kernels/kernels.h"
 #include "machine/internal.h"
 
-enum { CHUNK = 64, MOST_PARAMETERS = 256 };
+enum { MOST_PARAMETERS = 256 };
 
 typedef struct expecting {
-    const lg_context *context;
     lg_machine_problem problem; /* its starts are always set to estimated */
+    lg_machine_normal of;       /* linearises the windows */
     bool measured;              /* whether the caller's problem has measured starts */
     const lg_machine_noise *noise;
-    const double *theta; /* (parameters, numbers of all starts) */
-    size_t chunk;        /* windows that are linearised at once, at most CHUNK */
-    size_t n, own, rows; /* number of parameters, of numbers per start, of residuals per window */
-    size_t all;          /* rows, and the rows of priors */
-    double *jacobian;    /* (CHUNK, all, n + own) */
-    double *residuals;   /* (CHUNK, all); behind them the work arrays of add_window */
-    double *columns;     /* (n + own, rows): the Jacobian of one window, by columns */
-    double *J, *K;       /* (n, n): J'^T J' and J'^T C J', summed over windows */
+    size_t rows;      /* residuals per window without priors */
+    double *variance; /* (3 * rows): work of add_window */
+    double *J, *K;    /* (n, n): J'^T J', with priors, and J'^T C J', summed over windows */
     /* `left`: tr((1 - P) C), summed over windows. `unit`: what one number adds to the loss if its error is
      * one scale of the loss. */
     double left, unit;
@@ -67,86 +61,51 @@ double lg_machine_take_start(double *columns, size_t stride, size_t rows, size_t
 }
 
 /* Adds the effect of a measured start's noise on the residuals to `left` and K. */
-static void add_start(expecting *e, const double *variance) {
-    for (size_t k = 0; k < e->own; k++) {
-        const double *S = e->columns + (e->n + k) * e->rows;
+static void add_start(expecting *e, const double *columns, const double *variance) {
+    const size_t n = e->of.n, stride = e->of.rows;
+    for (size_t k = 0; k < e->of.starts; k++) {
+        const double *S = columns + (n + k) * stride;
         if (!(variance[k] > 0.0)) continue;
         e->left += variance[k] * dot(S, S, e->rows);
-        for (size_t i = 0; i < e->n; i++)
-            for (size_t j = 0; j < e->n; j++)
-                e->K[i * e->n + j] += variance[k] * dot(e->columns + i * e->rows, S, e->rows) *
-                                      dot(e->columns + j * e->rows, S, e->rows);
+        for (size_t i = 0; i < n; i++)
+            for (size_t j = 0; j < n; j++)
+                e->K[i * n + j] += variance[k] * dot(columns + i * stride, S, e->rows) *
+                                   dot(columns + j * stride, S, e->rows);
     }
 }
 
-static void add_window(expecting *e, const double *jacobian, size_t start, double factor) {
-    const size_t columns = e->n + e->own, d = e->rows / e->problem.window, first = e->measured ? d : 0;
-    double *variance = e->residuals + e->chunk * e->all, *part = variance + e->rows,
-           *of_start = part + e->rows;
-    for (uint32_t j = 0; j < e->problem.window; j++)
-        lg_machine_row_variances(&e->problem, e->noise, start + j, factor, variance + j * d, part + j * d);
-    for (size_t i = 0; i < d; i++) of_start[i] = variance[i] / (factor * factor * (double)e->problem.windows);
-    for (size_t row = 0; row < e->rows; row++) {
-        const bool counts = row >= first;
-        if (!counts) variance[row] = 0.0;
-        for (size_t j = 0; j < columns; j++)
-            e->columns[j * e->rows + row] = counts ? jacobian[row * columns + j] : 0.0;
-        e->left += variance[row] * part[row];
-    }
-    if (!e->measured) e->left -= lg_machine_take_start(e->columns, e->rows, e->rows, e->n, e->own, variance);
-    for (size_t i = 0; i < e->n; i++)
-        for (size_t j = 0; j < e->n; j++) {
-            const double *a = e->columns + i * e->rows, *b = e->columns + j * e->rows;
-            e->J[i * e->n + j] += dot(a, b, e->rows);
-            e->K[i * e->n + j] += dot3(a, b, variance, e->rows);
-        }
-    if (e->measured) add_start(e, of_start);
-}
-
-static lg_status add_windows(expecting *e, lg_tape *tape, size_t all, size_t used) {
-    lg_fit_problem fit;
-    uint32_t samples[CHUNK];
-    double loss;
-    e->unit = 1.0 / ((double)used * (double)e->problem.window);
+static void add_window(void *user, double *columns, uint32_t window) {
+    expecting *e = user;
+    const lg_machine_normal *of = &e->of;
+    const size_t n = of->n, d = e->rows / e->problem.window, first = e->measured ? d : 0;
     const double factor = sqrt(e->unit);
-    lg_machine_fit_problem(&e->problem, &fit);
-    for (size_t first = 0; first < used; first += e->chunk) {
-        const size_t count = used - first < e->chunk ? used - first : e->chunk;
-        for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)lg_spread(first + i, all, used);
-        LG_TRY(
-            fit.linearise(fit.user, tape, e->theta, samples, count, used, &loss, e->residuals, e->jacobian));
-        for (size_t i = 0; i < count; i++)
-            add_window(e, e->jacobian + i * e->all * (e->n + e->own), e->problem.start[samples[i]], factor);
-    }
-    return LG_OK;
-}
-
-/* Adds what priors say of the parameters to J. */
-static void add_priors(expecting *e) {
-    lg_prior priors[LG_MACHINE_PRIORS];
-    const lg_machine *machine = e->problem.machine;
-    const uint32_t count =
-        lg_machine_problem_priors(&e->problem) > 0 ? lg_machine_list_priors(machine, priors) : 0;
-    const double weight = lg_machine_prior_weight(&e->problem, 1);
-    for (uint32_t i = 0; i < count; i++) {
-        const size_t at = machine->terms[priors[i].term].offset + priors[i].index;
-        double slope;
-        (void)lg_number_at(&priors[i].map, e->theta[at], &slope);
-        slope *= weight / priors[i].sigma;
-        e->J[at * e->n + at] += slope * slope;
-    }
+    double *variance = e->variance, *part = variance + e->rows, *of_start = part + e->rows;
+    for (uint32_t j = 0; j < e->problem.window; j++)
+        lg_machine_row_variances(&e->problem, e->noise, e->problem.start[window] + j, factor,
+                                 variance + j * d, part + j * d);
+    for (size_t i = 0; i < d; i++) of_start[i] = variance[i] / (e->unit * (double)e->problem.windows);
+    memset(variance, 0, first * sizeof *variance);
+    for (size_t j = 0; j < n + of->starts; j++) memset(columns + j * of->rows, 0, first * sizeof *columns);
+    e->left += dot(variance, part, e->rows);
+    if (!e->measured) e->left -= lg_machine_take_start(columns, of->rows, e->rows, n, of->starts, variance);
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) {
+            const double *a = columns + i * of->rows, *b = columns + j * of->rows;
+            e->J[i * n + j] += dot(a, b, of->fit.rows);
+            e->K[i * n + j] += dot3(a, b, variance, e->rows);
+        }
+    if (e->measured) add_start(e, columns, of_start);
 }
 
 /* Sets `out` to tr(J^-1 K) over the eigenvectors of J that the residuals determine. Network weights have the
  * prior N(0, 1). */
 static lg_status taken(expecting *e, double *values, double *out) {
     static const double shown = 1e-12;
-    const size_t n = e->n;
+    const size_t n = e->of.n;
     *out = 0.0;
     if (n == 0) return LG_OK;
     for (size_t i = 0; i < e->problem.machine->weights; i++) e->J[i * n + i] += e->unit;
-    add_priors(e);
-    const lg_status status = lg_machine_eigen(e->context, n, e->J, values);
+    const lg_status status = lg_machine_eigen(e->of.context, n, e->J, values);
     if (status == LG_NOT_FINITE) *out = INFINITY;
     if (status != LG_OK) return status == LG_NOT_FINITE ? LG_OK : status;
     for (size_t k = 0; k < n; k++) {
@@ -186,7 +145,8 @@ static void add_change(const lg_machine_problem *problem, const double *mean, si
     }
 }
 
-static void add_changes(const expecting *e, size_t all, size_t used, lg_machine_noise *out) {
+static void add_changes(const expecting *e, lg_machine_noise *out) {
+    const size_t all = e->of.windows, used = e->of.used;
     const lg_machine_problem *problem = &e->problem;
     const uint32_t nv = problem->machine->velocities;
     const double factor = 1.0 / ((double)used * (double)problem->window);
@@ -207,19 +167,18 @@ static void add_changes(const expecting *e, size_t all, size_t used, lg_machine_
 
 /* ---- the whole loss ---- */
 
-static lg_status expect(expecting *e, lg_tape *tape, double *values, lg_machine_expected *out) {
-    const size_t all = e->problem.windows - e->problem.validation;
-    const size_t used = all < LG_MACHINE_MOST_WINDOWS ? all : LG_MACHINE_MOST_WINDOWS,
-                 first = e->measured ? 1 : 0;
+static lg_status expect(expecting *e, double *values, lg_machine_expected *out) {
+    const size_t all = e->of.windows, used = e->of.used, first = e->measured ? 1 : 0;
     /* Turns a mean over points 0 .. M - 1 into a mean over the points that count in the loss. */
     const double points = (double)e->problem.window / (double)(e->problem.window - first);
-    const size_t d = e->rows / e->problem.window;
     double lost = 0.0;
-    LG_TRY(add_windows(e, tape, all, used));
+    e->unit = 1.0 / ((double)used * (double)e->problem.window);
+    LG_TRY(lg_machine_gather(&e->of, false));
     const double before = e->left;
     /* Too many parameters for their Jacobian: every parameter except network weights is taken to remove as
      * much as one average residual. */
     if (e->problem.theta != NULL) {
+        const size_t d = e->rows / e->problem.window;
         lost = before * (double)(e->problem.machine->parameters - e->problem.machine->weights) /
                (double)(all * (e->problem.window - first) * d);
     } else {
@@ -228,7 +187,7 @@ static lg_status expect(expecting *e, lg_tape *tape, double *values, lg_machine_
     }
     lost = fmin(lost, 0.5 * before);
     *out = (lg_machine_expected){.loss = points * (before - lost)};
-    add_changes(e, all, used, &out->change);
+    add_changes(e, &out->change);
     return LG_OK;
 }
 
@@ -236,34 +195,25 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
                             const lg_machine_noise *noise, lg_machine_expected *out, lg_error *error) {
     const lg_machine *machine = problem->machine;
     const bool measured = !lg_machine_starts_estimated(problem), many = machine->parameters > MOST_PARAMETERS;
-    expecting e = {.context = context,
-                   .problem = *problem,
-                   .measured = measured,
-                   .noise = noise,
-                   .n = many ? 0 : machine->parameters,
-                   .own = lg_machine_start_numbers(machine)};
-    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
-    lg_fit_problem fit;
+    const size_t given = machine->parameters, n = many ? 0 : given,
+                 starts = problem->windows * lg_machine_start_numbers(machine);
+    expecting e = {.problem = *problem, .measured = measured, .noise = noise};
     e.problem.starts = LG_MACHINE_STARTS_ESTIMATED;
     if (many) e.problem.theta = theta;
-    e.all = lg_machine_linearised_rows(&e.problem);
-    e.rows = e.all - lg_machine_problem_priors(&e.problem);
-    const size_t columns = e.n + e.own, starts = problem->windows * e.own, given = machine->parameters;
-    lg_machine_fit_problem(&e.problem, &fit);
-    e.chunk = CHUNK < fit.chunk ? CHUNK : fit.chunk;
-    const size_t rows = e.chunk * e.all;
-    const size_t numbers[] = {given + starts, rows * columns, rows + 3 * e.rows, e.rows * columns};
-    size_t sum = (2 * e.n + 1) * e.n;
-    for (size_t i = 0; i < LG_COUNT(numbers); i++) sum += numbers[i];
-    LG_TRY_SCRATCH(double, all, context, sum, lg_no_memory(error));
-    if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
-    e.jacobian = all + numbers[0];
-    e.residuals = e.jacobian + numbers[1];
-    e.columns = e.residuals + numbers[2];
-    e.J = e.columns + numbers[3];
-    e.K = e.J + e.n * e.n;
+    e.rows = lg_machine_linearised_rows(&e.problem) - lg_machine_problem_priors(&e.problem);
+    LG_TRY_SCRATCH(double, all, context, given + starts + 3 * e.rows + (2 * n + 1) * n, lg_no_memory(error));
+    e.variance = all + given + starts;
+    e.J = e.variance + 3 * e.rows;
+    e.K = e.J + n * n;
     memcpy(all, theta, given * sizeof *all);
     if (!measured) memcpy(all + given, theta + given, starts * sizeof *all);
-    e.theta = many ? all + given : all;
-    return lg_tape_conclude(tape, expect(&e, tape, e.J + 2 * e.n * e.n, out), error);
+    e.of = (lg_machine_normal){.context = context,
+                               .problem = &e.problem,
+                               .theta = many ? all + given : all,
+                               .n = n,
+                               .visit = add_window,
+                               .user = &e};
+    lg_machine_choose_windows(&e.of, LG_MACHINE_MOST_WINDOWS);
+    const lg_status status = expect(&e, e.K + n * n, out);
+    return lg_machine_end_gather(&e.of, status, error);
 }

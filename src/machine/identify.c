@@ -13,48 +13,7 @@
 
 enum { CHUNK = 64, BLOCK = 32, SMALL = 64, MOST_OF_SMALL = 8192, RUN = 32, FEW = 64 };
 
-/* Sums over windows. R (n, n), column-major, is the factor of J = Q R after the starts of the windows have
- * been eliminated; the columns of J are the machine's parameters and, with `last`, the residuals as the last
- * column. `squares` is the sum of the squared residuals, `weighted` the number of independent residuals, less
- * what the starts take. */
-typedef struct normal {
-    const lg_context *context;
-    const lg_machine_problem *problem;
-    lg_fit_problem fit;
-    lg_tape *tape;
-    const double *theta;
-    double at[LG_MACHINE_POSITIONS]; /* positions at which a network mass is reported */
-    /* n: columns of J, which are the parameters of the machine and, with `last`, the residuals. starts:
-     * parameters of one start; 0 for measured starts. */
-    size_t n, starts;
-    bool last;
-    size_t priors;    /* the last residuals of each window are priors: their number */
-    size_t chunk;     /* windows of one chunk, at most */
-    size_t rows;      /* residuals of one chunk */
-    double *jacobian; /* (rows, n + starts) */
-    /* (n + starts, rows): transpose of `jacobian`, with the residuals as row n - 1 if `last` */
-    double *columns;
-    double *residuals;  /* (rows) */
-    double *triangle;   /* (n, n): R */
-    double *reflectors; /* (2 BLOCK, n): work space */
-    /* (n, n): products of the columns of the Jacobian with the same columns one row of the log later, for
-     * errors that are correlated in time. NULL if they are not wanted. */
-    double *lagged;
-    double squares, weighted;
-    lg_status *missing; /* gets the status of a number that could not be computed */
-    /* The used windows are `used` of `windows`, in runs of neighbours of RUN windows if `runs`, else evenly
-     * spread. */
-    size_t windows, used;
-    bool runs;
-    /* (used * stretches, n): J^T r of each stretch of a window, in the order of the windows; NULL: not
-     * wanted. `neighbours`: sum of the products of residuals of neighbouring rows. */
-    double *scores;
-    size_t stretches;
-    double *slope;    /* (n): J^T r of all windows, with their priors; set with `scores` */
-    double deviation; /* of weights of networks before any data */
-    double neighbours;
-    const double *unmoved; /* parameters at which the residuals are taken; NULL: theta */
-} normal;
+typedef lg_machine_normal normal;
 
 static double dot(const double *a, const double *b, size_t n) {
     return lg_kernels_for(LG_F64)->dot(n, a, b);
@@ -145,6 +104,10 @@ static lg_status add_chunk(normal *s, const uint32_t *samples, size_t first, siz
     for (size_t row = 0; row < s->rows; row++)
         for (size_t j = 0; j < columns; j++)
             s->columns[(j < given ? j : j + s->last) * s->rows + row] = s->jacobian[row * columns + j];
+    if (s->visit != NULL) {
+        for (size_t w = 0; w < count; w++) s->visit(s->user, s->columns + w * s->fit.rows, samples[w]);
+        return LG_OK;
+    }
     if (s->last) memcpy(s->columns + given * s->rows, s->residuals, s->rows * sizeof *s->columns);
     for (size_t w = 0, each = s->rows / count; w < count && s->starts > 0; w++)
         s->weighted -= lg_machine_take_start(s->columns + w * each, s->rows, each, s->n, s->starts, NULL);
@@ -425,8 +388,7 @@ static lg_status conclude(normal *s, size_t count, double *work, int *order, lg_
     return LG_OK;
 }
 
-/* Chooses the used windows: at most `most`. */
-static void choose_windows(normal *s, size_t most) {
+void lg_machine_choose_windows(normal *s, size_t most) {
     s->windows = s->problem->windows - s->problem->validation;
     s->used = s->windows < most ? s->windows : most;
 }
@@ -459,15 +421,14 @@ static lg_status allocate(normal *s) {
     return LG_OK;
 }
 
-/* Finds R of the chosen windows, and with `scored` the scores. */
-static lg_status gather(normal *s, bool scored) {
+lg_status lg_machine_gather(normal *s, bool scored) {
     LG_TRY(allocate(s));
     if (scored) LG_TRY(allocate_scores(s));
     LG_TRY(lg_tape_create(s->context, NULL, &s->tape));
     return add_all(s);
 }
 
-static lg_status finish(normal *s, lg_status status, lg_error *error) {
+lg_status lg_machine_end_gather(normal *s, lg_status status, lg_error *error) {
     (void)lg_tape_conclude(s->tape, status, error);
     lg_tape_destroy(s->tape);
     LG_FREE_ALL(s->context, s->jacobian, s->scores);
@@ -498,17 +459,17 @@ lg_status lg_machine_identify(const lg_context *context, const lg_machine_proble
     LG_TRY_SCRATCH(double, at, context, all + (4 * s.n + 1 + count) * s.n + (1 + count) * count,
                    lg_no_memory(error));
     LG_TRY_SCRATCH(int, order, context, s.n, lg_no_memory(error));
-    choose_windows(&s, s.n > SMALL ? LG_MACHINE_MOST_WINDOWS : MOST_OF_SMALL);
+    lg_machine_choose_windows(&s, s.n > SMALL ? LG_MACHINE_MOST_WINDOWS : MOST_OF_SMALL);
     memcpy(at, theta, all * sizeof *at);
     s.theta = at;
     const bool left = leave_bounds(&s, at, count, out->numbers, moved, moved + count);
     if (left) s.unmoved = theta;
-    lg_status status = gather(&s, true);
+    lg_status status = lg_machine_gather(&s, true);
     if (status == LG_OK && left) status = lg_machine_loss(context, problem, theta, &squares, NULL, NULL);
     if (left) s.squares = squares;
     if (status == LG_OK) status = conclude(&s, count, at + all, order, moved, out);
     if (status == LG_OK && missing == LG_OUT_OF_MEMORY) status = missing;
-    return finish(&s, status, error);
+    return lg_machine_end_gather(&s, status, error);
 }
 
 /* Sum of the variances after `colour` in units of those before, mean over the parameters. */
@@ -531,8 +492,8 @@ lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_probl
     normal s = {.context = context, .problem = problem, .fit = *fit, .theta = x, .n = n};
     LG_TRY_SCRATCH(double, work, context, 4 * n * n, lg_no_memory(error));
     LG_TRY_SCRATCH(int, order, context, n, lg_no_memory(error));
-    choose_windows(&s, MOST_OF_SMALL);
-    lg_status status = gather(&s, true);
+    lg_machine_choose_windows(&s, MOST_OF_SMALL);
+    lg_status status = lg_machine_gather(&s, true);
     if (status == LG_OK) status = invert(&s, false, work + n * n, order, out->W);
     if (status == LG_OK) {
         memcpy(work, out->W, n * n * sizeof *work);
@@ -541,7 +502,7 @@ lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_probl
         out->widened = widened(n, work, out->W);
         out->variance = variance_of(&s);
     }
-    return finish(&s, status, error);
+    return lg_machine_end_gather(&s, status, error);
 }
 
 lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
@@ -553,9 +514,9 @@ lg_status lg_machine_triangle(const lg_context *context, const lg_machine_proble
                 .n = problem->machine->parameters + 1,
                 .last = true,
                 .lagged = lagged};
-    choose_windows(&s, LG_MACHINE_MOST_WINDOWS);
-    const lg_status status = gather(&s, false);
+    lg_machine_choose_windows(&s, LG_MACHINE_MOST_WINDOWS);
+    const lg_status status = lg_machine_gather(&s, false);
     if (status == LG_OK) memcpy(triangle, s.triangle, s.n * s.n * sizeof *triangle);
     *numbers = count_once(&s);
-    return finish(&s, status, error);
+    return lg_machine_end_gather(&s, status, error);
 }

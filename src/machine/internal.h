@@ -530,6 +530,57 @@ lg_status lg_machine_triangle(const lg_context *context, const lg_machine_proble
  * independent: what remains of the third column is rounding error, and the column is skipped. */
 double lg_machine_take_start(double *columns, size_t stride, size_t rows, size_t n, size_t own,
                              const double *variance);
+/* Sums over windows. R (n, n), column-major, is the factor of J = Q R after the starts of the windows have
+ * been eliminated; the columns of J are the machine's parameters and, with `last`, the residuals as the last
+ * column. `squares` is the sum of the squared residuals, `weighted` the number of independent residuals, less
+ * what the starts take. */
+typedef struct lg_machine_normal {
+    const lg_context *context;
+    const lg_machine_problem *problem;
+    lg_fit_problem fit;
+    lg_tape *tape;
+    const double *theta;
+    double at[LG_MACHINE_POSITIONS]; /* positions at which a network mass is reported */
+    /* n: columns of J, which are the parameters of the machine and, with `last`, the residuals. starts:
+     * parameters of one start; 0 for measured starts. */
+    size_t n, starts;
+    bool last;
+    size_t priors;    /* the last residuals of each window are priors: their number */
+    size_t chunk;     /* windows of one chunk, at most */
+    size_t rows;      /* residuals of one chunk */
+    double *jacobian; /* (rows, n + starts) */
+    /* (n + starts, rows): transpose of `jacobian`, with the residuals as row n - 1 if `last` */
+    double *columns;
+    double *residuals;  /* (rows) */
+    double *triangle;   /* (n, n): R */
+    double *reflectors; /* (2 BLOCK, n): work space */
+    /* (n, n): products of the columns of the Jacobian with the same columns one row of the log later, for
+     * errors that are correlated in time. NULL if they are not wanted. */
+    double *lagged;
+    double squares, weighted;
+    lg_status *missing; /* gets the status of a number that could not be computed */
+    /* The used windows are `used` of `windows`, in runs of neighbours of RUN windows if `runs`, else evenly
+     * spread. */
+    size_t windows, used;
+    bool runs;
+    /* (used * stretches, n): J^T r of each stretch of a window, in the order of the windows; NULL: not
+     * wanted. `neighbours`: sum of the products of residuals of neighbouring rows. */
+    double *scores;
+    size_t stretches;
+    double *slope;    /* (n): J^T r of all windows, with their priors; set with `scores` */
+    double deviation; /* of weights of networks before any data */
+    double neighbours;
+    const double *unmoved; /* parameters at which the residuals are taken; NULL: theta */
+    /* Gets the columns of one window, s->rows apart, in place of all sums; NULL: the sums are wanted. */
+    void (*visit)(void *user, double *columns, uint32_t window);
+    void *user;
+} lg_machine_normal;
+/* Chooses the used windows, at most `most`, of a problem that is set. */
+void lg_machine_choose_windows(lg_machine_normal *s, size_t most);
+/* Finds R of the chosen windows, and with `scored` the scores. lg_machine_end_gather frees what it made, also
+ * after a failure; it returns `status` with the tape's message. */
+lg_status lg_machine_gather(lg_machine_normal *s, bool scored);
+lg_status lg_machine_end_gather(lg_machine_normal *s, lg_status status, lg_error *error);
 /* What the logs say of the n shared parameters of `fit`, a fit problem on the windows of `problem`, at its
  * best fit x. */
 typedef struct lg_machine_uncertainty {

@@ -19,7 +19,7 @@ typedef struct interval_plan {
     const lg_scheme *scheme;
     uint32_t substeps, powers;
     uint32_t rows, numbers, columns; /* of the plan; the length of z; the derivatives by z and theta */
-    lg_plan *plan;             /* NULL: it cannot be made */
+    lg_plan *plan;                   /* NULL: it cannot be made */
     void *work;
     double *z, *u, *h, *after, *slopes;
 } interval_plan;
@@ -57,8 +57,7 @@ static lg_status record(void *user, lg_tape *tape, const lg_var *parameters, con
     lg_machine_vars vars;
     lg_machine_flow flow;
     lg_var u[4] = {LG_NONE, LG_NONE, LG_NONE, LG_NONE}, parts[LG_TAPED_MAX_PARTS], columns[COLUMNS];
-    const lg_machine_problem problem = {
-        .machine = machine, .scheme = p->scheme, .substeps = p->substeps};
+    const lg_machine_problem problem = {.machine = machine, .scheme = p->scheme, .substeps = p->substeps};
     LG_TRY(lg_machine_begin_flow(tape, &problem, theta, &vars, &flow));
     LG_TRY(lg_machine_split_row(tape, &vars, in[0], parts));
     for (uint32_t k = 0; k < p->powers && m > 0; k++) u[k] = lg_machine_columns(tape, in[2], k * m, m);
