@@ -16,8 +16,7 @@ static size_t place(lg_chain *c, double *memory) {
     const struct {
         double **at;
         size_t length;
-    } arrays[] = {{&c->losses, c->count},
-                  {&c->z, n},
+    } arrays[] = {{&c->z, n},
                   {&c->next, n},
                   {&c->dz, n},
                   {&c->A, c->count * d * d},
@@ -55,7 +54,6 @@ lg_status lg_chain_open(lg_tape *tape, const lg_machine_problem *problem, const 
     c->memory = lg_pool_take(tape, c->bytes);
     if (c->memory == NULL) return lg_tape_status(tape);
     (void)place(c, c->memory);
-    memset(c->losses, 0, count * sizeof *c->losses);
     return LG_OK;
 }
 
@@ -267,7 +265,12 @@ static void keep_across(const lg_chain *c, size_t row, size_t columns, double *r
         }
 }
 
-/* Adds the residuals of the current points of all windows to the losses, and writes the rows of r and of the
+void lg_chain_add(lg_chain *c, size_t s, double r) {
+    c->loss += r * r;
+    if (c->losses != NULL) c->losses[s] += r * r;
+}
+
+/* Adds the residuals of the current points of all windows to the loss, and writes the rows of r and of the
  * Jacobian: the residual along each axis, and S times the weight. */
 static void put_rows(const lg_kernels *k, lg_chain *c) {
     const lg_machine *machine = c->problem->machine;
@@ -283,7 +286,7 @@ static void put_rows(const lg_kernels *k, lg_chain *c) {
         lg_machine_weigh_row(c->problem, row, c->factor, weight, weight + machine->positions);
         for (uint32_t i = 0; i < numbers; i++) r[i] = weight[i] * (z[i] - data[i]);
         keep_across(c, row, 1, r + machine->positions);
-        for (uint32_t i = 0; i < numbers; i++) c->losses[s] += r[i] * r[i];
+        for (uint32_t i = 0; i < numbers; i++) lg_chain_add(c, s, r[i]);
         if (c->r == NULL) continue;
         for (size_t i = 0; i < seen; i++) {
             const lg_row_axis *a = &c->axes.each[i];

@@ -70,8 +70,8 @@ typedef struct lg_chain {
     /* Where accelerations are measured: those of the current points, (count, velocities), and their rows of
      * the Jacobian, (count, velocities, columns). */
     double *a, *of_a;
-    double *losses;           /* (count): squared residuals */
-    double *r, *jacobian;     /* NULL: only the losses are wanted */
+    double loss, *losses;     /* squared residuals of all windows; (count): of each, or NULL */
+    double *r, *jacobian;     /* NULL: only the loss is wanted */
     struct lg_chain *against; /* a chain of the same windows that residuals compare with; NULL: the log */
     size_t done;              /* rows of r and jacobian that are filled in each window */
     double *memory;
@@ -98,6 +98,8 @@ void lg_chain_read(const lg_chain *c, size_t s, double *positions, double *veloc
 /* Fills `next` and A of the intervals from the current points by a plan; `moved` becomes (dF/dtheta, 0)
  * (interval_plan.c). False: there is no plan. */
 bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c);
+/* Adds r^2 of window s to the loss. */
+void lg_chain_add(lg_chain *c, size_t s, double r);
 /* All points of all windows. */
 lg_status lg_chain_pass_windows(lg_tape *tape, lg_chain *c);
 

@@ -20,7 +20,7 @@ static void put_priors(lg_chain *c, size_t batch) {
         const double r = weight * (x - p->centre) / p->sigma;
         for (size_t s = 0; s < c->count; s++) {
             const size_t row = s * c->rows + c->done + i;
-            c->losses[s] += r * r;
+            lg_chain_add(c, s, r);
             if (c->r == NULL) continue;
             memset(c->jacobian + row * c->columns, 0, c->columns * sizeof *c->jacobian);
             c->jacobian[row * c->columns + column] = weight * slope / p->sigma;
@@ -61,15 +61,14 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
 
 /* ---- windows of a chunk ---- */
 
-/* Passes the windows of an open chain and closes it. losses (count): of each window, in a batch of `batch`.
- * A chain that is compared with another one has no priors. */
-static lg_status run_chain(lg_tape *tape, lg_chain *c, size_t batch, double *losses) {
+/* Passes the windows of an open chain, in a batch of `batch`, and closes it. A chain that is compared with
+ * another one has no priors. */
+static lg_status run_chain(lg_tape *tape, lg_chain *c, size_t batch) {
     const uint32_t points = c->problem->window - lg_chain_first(c->problem);
     c->rows = lg_machine_linearised_rows(c->problem);
     c->factor = 1.0 / sqrt((double)batch * (double)points);
     const lg_status status = lg_chain_pass_windows(tape, c);
     if (status == LG_OK && c->against == NULL) put_priors(c, batch);
-    if (status == LG_OK) memcpy(losses, c->losses, c->count * sizeof *losses);
     lg_chain_close(tape, c);
     return status;
 }
@@ -77,29 +76,31 @@ static lg_status run_chain(lg_tape *tape, lg_chain *c, size_t batch, double *los
 lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
                                size_t count, size_t batch, double *loss, double *r, double *jacobian) {
     lg_chain c;
-    double losses[LG_FIT_CHUNK];
     LG_TRY(lg_chain_open(tape, user, theta, samples, 0, count, true, &c));
     c.r = r;
     c.jacobian = jacobian;
-    LG_TRY(run_chain(tape, &c, batch, losses));
-    *loss = 0.0;
-    for (size_t s = 0; s < count; s++) *loss += losses[s];
+    LG_TRY(run_chain(tape, &c, batch));
+    *loss = c.loss;
     return LG_OK;
 }
 
 /* ---- losses of all windows ---- */
 
-static lg_status find_losses(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
-                             size_t first, size_t count, size_t batch, double *losses) {
+/* Adds the loss of `count` windows. losses (count): of each window, or NULL. */
+static lg_status add_loss(lg_tape *tape, const lg_machine_problem *problem, const double *theta, size_t first,
+                          size_t count, size_t batch, double *losses, double *sum) {
     lg_chain c;
     LG_TRY(lg_chain_open(tape, problem, theta, NULL, first, count, false, &c));
-    return run_chain(tape, &c, batch, losses);
+    c.losses = losses;
+    LG_TRY(run_chain(tape, &c, batch));
+    *sum += c.loss;
+    return LG_OK;
 }
 
 /* The same, but of the steps' own error: the difference between predictions with the substeps and with twice
  * as many, times 2^p/(2^p - 1) for a scheme of order p. */
-static lg_status find_floors(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
-                             size_t first, size_t count, size_t batch, double *floors) {
+static lg_status add_floor(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
+                           size_t first, size_t count, size_t batch, double *sum) {
     const double power = ldexp(1.0, problem->scheme->order), factor = power / (power - 1.0);
     lg_machine_problem finer = *problem;
     lg_chain once, twice;
@@ -107,8 +108,8 @@ static lg_status find_floors(lg_tape *tape, const lg_machine_problem *problem, c
     LG_TRY(lg_chain_open(tape, problem, theta, NULL, first, count, false, &once));
     lg_status status = lg_chain_open(tape, &finer, theta, NULL, first, count, false, &twice);
     once.against = &twice;
-    if (status == LG_OK) status = run_chain(tape, &once, batch, floors);
-    for (size_t s = 0; s < count && status == LG_OK; s++) floors[s] *= factor * factor;
+    if (status == LG_OK) status = run_chain(tape, &once, batch);
+    if (status == LG_OK) *sum += factor * factor * once.loss;
     lg_chain_close(tape, &twice);
     lg_chain_close(tape, &once);
     return status;
@@ -116,22 +117,25 @@ static lg_status find_floors(lg_tape *tape, const lg_machine_problem *problem, c
 
 lg_status lg_machine_window_losses(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
                                    double *losses) {
+    double all = 0.0;
+    memset(losses, 0, problem->windows * sizeof *losses);
     for (size_t first = 0; first < problem->windows; first += LG_FIT_CHUNK) {
         const size_t left = problem->windows - first, count = left < LG_FIT_CHUNK ? left : LG_FIT_CHUNK;
-        LG_TRY(find_losses(tape, problem, theta, first, count, 1, losses + first));
+        LG_TRY(add_loss(tape, problem, theta, first, count, 1, losses + first, &all));
     }
     return LG_OK;
 }
 
 static lg_status add_windows(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
-                             bool floor, double *sum) {
-    double losses[LG_FIT_CHUNK], all_losses = 0.0;
+                             double *loss, double *floor) {
+    double sum = 0.0, of_steps = 0.0;
     for (size_t first = 0, all = problem->windows - problem->validation; first < all; first += LG_FIT_CHUNK) {
         const size_t count = all - first < LG_FIT_CHUNK ? all - first : LG_FIT_CHUNK;
-        LG_TRY((floor ? find_floors : find_losses)(tape, problem, theta, first, count, all, losses));
-        for (size_t s = 0; s < count; s++) all_losses += losses[s];
+        LG_TRY(add_loss(tape, problem, theta, first, count, all, NULL, &sum));
+        if (floor != NULL) LG_TRY(add_floor(tape, problem, theta, first, count, all, &of_steps));
     }
-    *sum = all_losses;
+    *loss = sum;
+    if (floor != NULL) *floor = of_steps;
     return LG_OK;
 }
 
@@ -142,7 +146,5 @@ lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *p
     LG_NEEDS(error, theta);
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
-    lg_status status = add_windows(tape, problem, theta, false, loss);
-    if (status == LG_OK && floor != NULL) status = add_windows(tape, problem, theta, true, floor);
-    return lg_tape_conclude(tape, status, error);
+    return lg_tape_conclude(tape, add_windows(tape, problem, theta, loss, floor), error);
 }
