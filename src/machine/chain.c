@@ -31,13 +31,6 @@ static size_t place(lg_chain *c, double *memory) {
     return sum;
 }
 
-static uint32_t powers_of(const lg_machine_log *log, uint32_t m) {
-    for (size_t row = 0; row < log->rows && m > 0; row++)
-        for (uint32_t i = m; i < 4 * m; i++)
-            if (log->u[row * 4 * m + i] != 0.0) return 4;
-    return 1;
-}
-
 lg_status lg_chain_open(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
                         const uint32_t *samples, size_t first, size_t count, bool derived, lg_chain *c) {
     const lg_machine *machine = problem->machine;
@@ -46,7 +39,6 @@ lg_status lg_chain_open(lg_tape *tape, const lg_machine_problem *problem, const 
                     .count = count,
                     .shared = lg_machine_shared(problem),
                     .own = lg_machine_starts_estimated(problem) ? lg_machine_start_numbers(machine) : 0,
-                    .powers = powers_of(&problem->log, machine->input_count),
                     .axes = lg_row_axes_of(machine)};
     if (derived) c->columns = c->shared + c->own;
     for (size_t s = 0; s < count; s++) c->samples[s] = samples != NULL ? samples[s] : (uint32_t)(first + s);

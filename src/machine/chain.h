@@ -55,7 +55,7 @@ typedef struct lg_chain {
     uint32_t samples[LG_FIT_CHUNK]; /* (count): which windows of the problem */
     /* count: windows; shared: learned parameters of the machine; own: numbers of a start; columns: shared +
      * own, 0 without derivatives; rows: residuals of one window; powers: of the time in the inputs of the
-     * log, 1 or 4. */
+     * log, 1 or 4; 0: not counted yet. */
     size_t count, shared, own, columns, rows;
     uint32_t powers;
     double factor;

@@ -110,13 +110,21 @@ static bool pays(const lg_chain *c) {
            problem->scheme->kind != LG_SCHEME_VARIATIONAL;
 }
 
+static uint32_t powers_of(const lg_machine_log *log, uint32_t m) {
+    for (size_t row = 0; row < log->rows && m > 0; row++)
+        for (uint32_t i = m; i < 4 * m; i++)
+            if (log->u[row * 4 * m + i] != 0.0) return 4;
+    return 1;
+}
+
 /* The plan for the chain's machine, made if the tape does not have it; NULL: there is none. */
-static const interval_plan *plan_of(lg_tape *tape, const lg_chain *c) {
+static const interval_plan *plan_of(lg_tape *tape, lg_chain *c) {
     const lg_machine_problem *problem = c->problem;
     const lg_machine *machine = problem->machine;
     const uint32_t n = c->axes.numbers, columns = n + (uint32_t)c->shared,
                    rows = c->count < ROWS ? (uint32_t)c->count : ROWS;
     if (!pays(c)) return NULL;
+    if (c->powers == 0) c->powers = powers_of(&problem->log, machine->input_count);
     for (interval_plan *p = tape->kept; p != NULL; p = p->next)
         if (p->scheme == problem->scheme && p->substeps == problem->substeps && p->powers == c->powers &&
             p->columns == columns && p->rows >= rows && memcmp(&p->machine, machine, sizeof *machine) == 0)
