@@ -101,6 +101,8 @@ lg_status lg_machine_estimate_starts(const lg_context *context, const lg_machine
                                      uint32_t window, double *positions, double *velocities,
                                      lg_error *error) {
     LG_NEEDS(error, machine, scheme, log, start, positions, velocities);
+    if (theta == NULL && machine->parameters > 0)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "theta is missing");
     lg_machine_problem problem = {.machine = machine,
                                   .scheme = scheme,
                                   .substeps = substeps,
