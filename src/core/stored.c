@@ -1,3 +1,4 @@
+#include <inttypes.h>
 #include <math.h>
 #include <string.h>
 
@@ -61,6 +62,31 @@ lg_status lg_stored_save(const lg_archive_writer *to, const lg_stored *rows, siz
 lg_status lg_stored_load(const lg_archive_reader *from, const lg_stored *rows, size_t count,
                          lg_error *error) {
     for (size_t i = 0; i < count; i++) LG_TRY(move(NULL, from, &rows[i], error));
+    return LG_OK;
+}
+
+/* One number against its saved value. */
+static lg_status compare(const lg_archive_reader *from, const lg_stored *row, lg_error *error) {
+    const bool real = row->type == LG_ELEMENT_F64;
+    const uint64_t *whole = row->data;
+    const double *x = row->data;
+    uint64_t whole_then = 0;
+    double x_then = 0;
+    lg_stored then = *row;
+    then.data = real ? (void *)&x_then : (void *)&whole_then;
+    LG_TRY(lg_stored_load(from, &then, 1, error));
+    if (real ? x_then == *x : whole_then == *whole) return LG_OK;
+    if (real)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "%s was %.17g in the saved run and is %.17g in this one",
+                       row->path, x_then, *x);
+    return lg_fail(error, LG_INVALID_ARGUMENT,
+                   "%s was %" PRIu64 " in the saved run and is %" PRIu64 " in this one", row->path,
+                   whole_then, *whole);
+}
+
+lg_status lg_stored_compare(const lg_archive_reader *from, const lg_stored *rows, size_t count,
+                            lg_error *error) {
+    for (size_t i = 0; i < count; i++) LG_TRY(compare(from, &rows[i], error));
     return LG_OK;
 }
 

@@ -8,32 +8,22 @@
 
 /* ---- hyperparameters ---- */
 
-typedef struct hyperparameter {
-    const char *path;
-    bool real;
-    union {
-        uint64_t whole;
-        double real;
-    } value;
-} hyperparameter;
+static lg_stored row_of(const char *path, lg_element type, void *number) {
+    return (lg_stored){path, type, .data = number};
+}
 
-#define ROW(name, kind, x)                                                                                   \
-    {                                                                                                        \
-        "train/options/" name, kind, {                                                                       \
-            x                                                                                                \
-        }                                                                                                    \
-    }
-#define WHOLE(name, x) ROW(name, false, .whole = (uint64_t)(x))
-#define REAL(name, x)  ROW(name, true, .real = (x))
+#define WHOLE(name, x) row_of("train/options/" name, LG_ELEMENT_U64, &(uint64_t){(uint64_t)(x)})
+#define REAL(name, x)  row_of("train/options/" name, LG_ELEMENT_F64, &(double){x})
 #define PHASE(i)                                                                                             \
     WHOLE("phase_" #i "/method", o->plan.phase[i].method),                                                   \
         WHOLE("phase_" #i "/epochs", o->plan.phase[i].epochs)
 _Static_assert(LG_FIT_MAX_PHASES == 4, "the list has a row for each phase");
-#define HYPERPARAMETERS (28 + 2 * LG_FIT_MAX_PHASES)
 
-static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARAMETERS]) {
+/* Saves the hyperparameters or, with `to` NULL, compares those in `from` with them. */
+static lg_status move_hyperparameters(const lg_fit *fit, const lg_archive_writer *to,
+                                      const lg_archive_reader *from, lg_error *error) {
     const lg_fit_options *o = &fit->options;
-    const hyperparameter list[HYPERPARAMETERS] = {
+    const lg_stored list[] = {
         WHOLE("parameters", fit->problem.parameters),
         WHOLE("samples", fit->problem.samples),
         WHOLE("dtype", o->dtype),
@@ -67,7 +57,8 @@ static void list_hyperparameters(const lg_fit *fit, hyperparameter out[HYPERPARA
         PHASE(2),
         PHASE(3),
     };
-    memcpy(out, list, sizeof list);
+    return to != NULL ? lg_stored_save(to, list, LG_COUNT(list), error)
+                      : lg_stored_compare(from, list, LG_COUNT(list), error);
 }
 
 /* A run goes on as it began, by plans or on the tape, so that a resumed run has the same bits. */
@@ -76,29 +67,6 @@ static lg_status load_plans(lg_fit *fit, const lg_archive_reader *reader, lg_err
     LG_TRY(lg_stored_load(reader, &(lg_stored){"train/options/plans", LG_ELEMENT_U64, .data = &stored}, 1,
                           error));
     fit->plans = stored == 1 && fit->problem.repeats;
-    return LG_OK;
-}
-
-static lg_stored row_of(hyperparameter *h) {
-    return (lg_stored){h->path, h->real ? LG_ELEMENT_F64 : LG_ELEMENT_U64, .data = &h->value};
-}
-
-static lg_status check_hyperparameters(const lg_fit *fit, const lg_archive_reader *reader, lg_error *error) {
-    hyperparameter list[HYPERPARAMETERS];
-    list_hyperparameters(fit, list);
-    for (const hyperparameter *h = list; h < list + HYPERPARAMETERS; h++) {
-        hyperparameter stored = *h;
-        const lg_stored row = row_of(&stored);
-        LG_TRY(lg_stored_load(reader, &row, 1, error));
-        if (h->real && !(stored.value.real == h->value.real))
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "%s was %.17g in the saved run and is %.17g in this one", h->path,
-                           stored.value.real, h->value.real);
-        if (!h->real && stored.value.whole != h->value.whole)
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "%s was %" PRIu64 " in the saved run and is %" PRIu64 " in this one", h->path,
-                           stored.value.whole, h->value.whole);
-    }
     return LG_OK;
 }
 
@@ -162,12 +130,7 @@ lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_err
     lg_stored items[SCALARS + ARRAYS];
     list_scalars(fit, &copy, &open, items);
     list_arrays(fit, &copy, items + SCALARS);
-    hyperparameter list[HYPERPARAMETERS];
-    list_hyperparameters(fit, list);
-    for (hyperparameter *h = list; h < list + HYPERPARAMETERS; h++) {
-        const lg_stored row = row_of(h);
-        LG_TRY(lg_stored_save(writer, &row, 1, error));
-    }
+    LG_TRY(move_hyperparameters(fit, writer, NULL, error));
     LG_TRY(lg_stored_save(writer, items, LG_COUNT(items), error));
     return has_minimiser(fit, &copy) ? lg_minimiser_save(copy.minimiser, writer, error) : LG_OK;
 }
@@ -279,7 +242,7 @@ lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_error *er
     LG_NEEDS(error, fit, reader);
     lg_fit_state loaded = {0};
     lg_status made = load_plans(fit, reader, error);
-    if (made == LG_OK) made = check_hyperparameters(fit, reader, error);
+    if (made == LG_OK) made = move_hyperparameters(fit, NULL, reader, error);
     if (made == LG_OK && lg_fit_state_create(fit, &loaded) != LG_OK)
         made = lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the saved state");
     LG_TRY(lg_fit_agree(fit, made, error));
