@@ -7,7 +7,6 @@
 
 #include "core/clean.h"
 #include "autodiff/program/program.h"
-#include "integrators/taped_internal.h"
 #include "kernels/matrix.h"
 
 LG_AT(lg_constraint_destroy, lg_constraint)
@@ -181,11 +180,12 @@ static lg_status check_sizes(lg_constraint *c, lg_error *error) {
 /* The inverse of a symmetric positive definite matrix. */
 static bool invert_spd(size_t n, const double *a, double *inverse) {
     double L[LG_CONSTRAINT_MOST * LG_CONSTRAINT_MOST];
+    size_t pivot[LG_CONSTRAINT_MOST];
     if (!lg_matrix_cholesky(n, a, L)) return false;
     for (size_t i = 0; i < n * n; i += n + 1)
         if (!(L[i] * L[i] > 64 * 2.3e-16 * a[i])) return false;
-    memcpy(inverse, a, n * n * sizeof *L);
-    return lg_taped_invert(n, inverse, L) != 0;
+    memcpy(L, a, n * n * sizeof *L);
+    return lg_matrix_invert(n, L, pivot, inverse);
 }
 
 static lg_status read_mass(lg_constraint *c, const lg_port *port, lg_error *error) {

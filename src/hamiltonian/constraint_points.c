@@ -7,7 +7,6 @@
 #include "core/clean.h"
 #include "hamiltonian/constraint.h"
 #include "integrators/stepper.h"
-#include "integrators/taped_internal.h"
 #include "kernels/matrix.h"
 
 enum { MOST = LG_CONSTRAINT_MOST };
@@ -116,7 +115,9 @@ static int along_normals(const lg_constraint_work *work, const double *F, const 
                          double *out) {
     const size_t n = work->of->n, m = work->of->m;
     double unit[MOST * MOST], GK[MOST * MOST], turned[MOST * MOST], S[MOST * MOST];
-    double Kx[MOST], length[MOST], r[MOST], k[MOST];
+    double Kx[MOST], length[MOST], r[MOST];
+    size_t pivot[MOST];
+    int sign = 1;
     for (size_t a = 0; a < m; a++) {
         length[a] = lg_matrix_norm(n, work->G + a * n);
         for (size_t i = 0; i < n; i++) unit[a * n + i] = work->G[a * n + i] / length[a];
@@ -125,13 +126,14 @@ static int along_normals(const lg_constraint_work *work, const double *F, const 
     if (K != NULL) lg_matrix_multiply(m, n, n, unit, K, GK);
     lg_matrix_transpose(m, n, F, turned);
     lg_matrix_multiply(m, m, n, K != NULL ? GK : unit, turned, S);
-    const int sign = lg_taped_invert(m, S, k);
-    if (sign == 0 || out == NULL) return sign;
+    if (!lg_matrix_factor(m, m, S, pivot)) return 0;
+    for (size_t a = 0; a < m; a++) sign = (pivot[a] != a) != (S[a * (m + 1)] < 0.0) ? -sign : sign;
+    if (out == NULL) return sign;
     if (K != NULL && x != NULL) lg_matrix_multiply(n, 1, n, K, x, Kx);
     if (x != NULL) lg_matrix_multiply(m, 1, n, unit, K != NULL ? Kx : x, r);
     for (size_t a = 0; a < m && x == NULL; a++) r[a] = work->g[a] / length[a];
-    lg_matrix_multiply(m, 1, m, S, r, k);
-    lg_matrix_multiply_tn(n, 1, m, F, k, out);
+    lg_matrix_solve(m, m, S, pivot, 1, r);
+    lg_matrix_multiply_tn(n, 1, m, F, r, out);
     return sign;
 }
 

@@ -47,10 +47,6 @@ lg_status lg_taped_bracket(lg_tape *tape, const lg_space *space, const lg_var *a
 /* out = the projection of y onto the manifold, as lg_space_project computes it; both are arrays of parts. */
 lg_status lg_taped_project(lg_tape *tape, const lg_space *manifold, const lg_var *y, lg_var *out);
 
-/* Inverts the matrix a (n, n) in place, by Gauss-Jordan elimination with row pivoting. `swaps` is scratch of
- * n numbers. Returns the sign of the determinant: 0 if a is singular. */
-int lg_taped_invert(size_t n, double *a, double *swaps);
-
 /* One step of LG_SCHEME_IMPLICIT or LG_SCHEME_SLGI; `out` may be `y`. */
 lg_status lg_taped_implicit_step(lg_tape *tape, const lg_scheme *scheme, const lg_taped_ode *ode,
                                  const lg_taped_span *over, const lg_parts *y, lg_parts *out);

@@ -17,6 +17,7 @@
 #include "autodiff/tape/tape_internal.h"
 #include "integrators/stepper.h"
 #include "integrators/taped_internal.h"
+#include "kernels/matrix.h"
 
 typedef struct newton {
     lg_tape *tape;
@@ -26,6 +27,7 @@ typedef struct newton {
     double *x, *r, *column, *seed; /* (rows, n) */
     double *matrix, *inverse;      /* (rows, n, n): dr/dx and its inverse K */
     double *change;                /* (rows): largest change in the last step; 0: done */
+    size_t *pivot;                 /* (n) */
 } newton;
 
 /* r and dr/dx at x. Each column takes one forward pass for all rows at once. */
@@ -50,48 +52,12 @@ static lg_status linearise(newton *s) {
     return lg_tape_rewind(s->tape, mark);
 }
 
-int lg_taped_invert(size_t n, double *a, double *swaps) {
-    int sign = 1;
-    for (size_t c = 0; c < n; c++) {
-        size_t best = c;
-        for (size_t i = c + 1; i < n; i++)
-            if (fabs(a[i * n + c]) > fabs(a[best * n + c])) best = i;
-        swaps[c] = (double)best;
-        if (!(fabs(a[best * n + c]) > 0.0)) return 0;
-        if ((best != c) != (a[best * n + c] < 0.0)) sign = -sign;
-        for (size_t j = 0; best != c && j < n; j++) {
-            const double kept = a[c * n + j];
-            a[c * n + j] = a[best * n + j];
-            a[best * n + j] = kept;
-        }
-        const double pivot = 1.0 / a[c * n + c];
-        a[c * n + c] = 1.0;
-        for (size_t j = 0; j < n; j++) a[c * n + j] *= pivot;
-        for (size_t i = 0; i < n; i++) {
-            const double factor = a[i * n + c];
-            if (i == c || factor == 0.0) continue;
-            a[i * n + c] = 0.0;
-            for (size_t j = 0; j < n; j++) a[i * n + j] -= factor * a[c * n + j];
-        }
-    }
-    for (size_t c = n; c-- > 0;) {
-        const size_t other = (size_t)swaps[c];
-        for (size_t i = 0; other != c && i < n; i++) {
-            const double kept = a[i * n + c];
-            a[i * n + c] = a[i * n + other];
-            a[i * n + other] = kept;
-        }
-    }
-    return sign;
-}
-
 /* One Newton step in row b. The row is done when its change is rounding error: a few eps of x, or small and
  * hardly smaller than the change before. Without a solution it becomes NaN. */
 static void improve(newton *s, size_t b, bool last) {
     const size_t n = s->n;
     double *x = s->x + b * n, *K = s->inverse + b * n * n, moved = 0.0, size = 0.0;
-    memcpy(K, s->matrix + b * n * n, n * n * sizeof *K);
-    const bool regular = lg_taped_invert(n, K, s->column) != 0;
+    const bool regular = lg_matrix_invert(n, s->matrix + b * n * n, s->pivot, K);
     for (size_t i = 0; i < n && regular; i++) {
         double change = 0.0;
         for (size_t j = 0; j < n; j++) change += K[i * n + j] * s->r[b * n + j];
@@ -155,7 +121,8 @@ static lg_status solution(newton *s, lg_var first, lg_var *x, lg_var *inverse) {
     lg_tape_mark_rows(tape, *x);
     lg_tape_mark_rows(tape, *inverse);
     const lg_mark mark = lg_tape_mark(tape);
-    double *memory = lg_payload_allocate(tape, (count * (4 + 2 * s->n) + s->rows) * sizeof(double));
+    const size_t numbers = count * (4 + 2 * s->n) + s->rows;
+    double *memory = lg_payload_allocate(tape, numbers * sizeof(double) + s->n * sizeof(size_t));
     if (memory == NULL) return lg_tape_status(tape);
     s->x = memory;
     s->r = s->x + count;
@@ -164,6 +131,7 @@ static lg_status solution(newton *s, lg_var first, lg_var *x, lg_var *inverse) {
     s->matrix = s->seed + count;
     s->inverse = s->matrix + count * s->n;
     s->change = s->inverse + count * s->n;
+    s->pivot = (size_t *)(void *)(memory + numbers);
     LG_TRY(lg_read(tape, first, count, s->x));
     LG_TRY(s->of->part != NULL ? solve_parts(s) : solve(s));
     tape->k->convert_in(count, s->x, x_values);

@@ -106,6 +106,16 @@ void lg_matrix_solve(size_t n, size_t stride, const double *a, const size_t *piv
     }
 }
 
+bool lg_matrix_invert(size_t n, double *a, size_t *pivot, double *inverse) {
+    memset(inverse, 0, n * n * sizeof *inverse);
+    if (!lg_matrix_factor(n, n, a, pivot)) return false;
+    for (size_t j = 0; j < n; j++) {
+        inverse[j * (n + 1)] = 1.0;
+        lg_matrix_solve(n, n, a, pivot, n, inverse + j);
+    }
+    return true;
+}
+
 bool lg_matrix_cholesky(size_t n, const double *a, double *L) {
     return lg_kernels_for(LG_F64)->spd_factor(1, n, a, L) == 0;
 }
