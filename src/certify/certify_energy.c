@@ -125,20 +125,10 @@ static lg_status check(const lg_certify_energy_spec *spec, lg_error *error) {
     return LG_OK;
 }
 
-/* What `record` needs to copy g into a new program, where g is differentiated. */
-typedef struct slope_of {
-    const lg_program *program;
-    size_t function;
-} slope_of;
-
-static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const slope_of *s = user;
-    return lg_program_record(tape, s->program, s->function, NULL, in, out);
-}
-
+/* Copies g into a new program, where it is differentiated. */
 static lg_status prepare(const lg_context *context, const lg_certify_energy_spec *spec, lg_program **program,
                          lg_interval **g, lg_error *error) {
-    slope_of s = {.program = spec->program};
+    lg_program_part s = {.program = spec->program};
     size_t inputs, outputs;
     LG_TRY(lg_program_find(spec->program, spec->slope, &s.function, error));
     const lg_port *from = lg_program_inputs(spec->program, s.function, &inputs);
@@ -147,7 +137,7 @@ static lg_status prepare(const lg_context *context, const lg_certify_energy_spec
         return lg_fail(error, LG_INVALID_ARGUMENT, "the function '%s' needs one number in and one out",
                        spec->slope);
     const lg_port in = {.name = "q", .shape = from[0].shape}, out = {.name = "g"};
-    const lg_function_spec function = {"slope", &in, 1, &out, 1, record, &s};
+    const lg_function_spec function = {"slope", &in, 1, &out, 1, lg_program_record_part, &s};
     LG_TRY(lg_program_of(context, &function, 1, program, error));
     LG_TRY(lg_program_jacobian(*program, "slope", error));
     return lg_interval_create(*program, (const size_t[]){0, 1}, 2, NULL, g, error);

@@ -90,17 +90,6 @@ void lg_constraint_record_field(lg_tape *tape, const lg_constraint *constraint, 
 
 /* ---- the functions of the user ---- */
 
-typedef struct source {
-    const lg_program *program;
-    size_t function;
-} source;
-
-/* The parameters of the user's program become constants. */
-static lg_status copy(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const source *from = user;
-    return lg_program_record(tape, from->program, from->function, NULL, x, y);
-}
-
 enum { CONSTRAINT, POTENTIAL, MASS, FUNCTIONS };
 static const char *const names[] = {"constraint", "potential", "mass"}, *const outputs[] = {"g", "V", "M"};
 
@@ -125,7 +114,7 @@ static lg_status check_ports(const lg_program *program, size_t function, uint32_
 
 /* Makes c->own, with the functions that the program has. */
 static lg_status take_functions(lg_constraint *c, const lg_program *program, lg_error *error) {
-    source from[FUNCTIONS];
+    lg_program_part from[FUNCTIONS];
     lg_port in[FUNCTIONS], out[FUNCTIONS];
     lg_function_spec functions[FUNCTIONS];
     lg_program_spec spec;
@@ -144,8 +133,9 @@ static lg_status take_functions(lg_constraint *c, const lg_program *program, lg_
         in[count].name = "q";
         out[count] =
             (lg_port){.name = outputs[i], .unit = lg_program_outputs(program, function, &(size_t){0})->unit};
-        from[count] = (source){program, function};
-        functions[count] = (lg_function_spec){names[i], &in[count], 1, &out[count], 1, copy, &from[count]};
+        from[count] = (lg_program_part){program, function};
+        functions[count] =
+            (lg_function_spec){names[i], &in[count], 1, &out[count], 1, lg_program_record_part, &from[count]};
         count++;
     }
     spec.functions = functions;

@@ -109,6 +109,14 @@ lg_status lg_program_create(const lg_context *context, lg_program **out);
 /* Builds a program of functions alone; derives the Jacobian by all inputs of a function. */
 lg_status lg_program_of(const lg_context *context, const lg_function_spec *functions, size_t count,
                         lg_program **out, lg_error *error);
+/* `record` of a function that is a copy of `user`, a function of another program (lg_program_part), whose
+ * parameters become constants. */
+typedef struct lg_program_part {
+    const lg_program *program;
+    size_t function;
+} lg_program_part;
+lg_status lg_program_record_part(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                 lg_var *out);
 lg_status lg_program_jacobian(lg_program *program, const char *function, lg_error *error);
 /* Makes a program without functions that has the parameters and the description of another. */
 lg_status lg_program_bare(const lg_program *from, lg_program **out, lg_error *error);

@@ -553,6 +553,12 @@ lg_status lg_program_of(const lg_context *context, const lg_function_spec *funct
     return lg_program_build(context, &spec, out, error);
 }
 
+lg_status lg_program_record_part(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
+                                 lg_var *out) {
+    const lg_program_part *part = user;
+    return lg_program_record(tape, part->program, part->function, NULL, in, out);
+}
+
 lg_status lg_program_bare(const lg_program *from, lg_program **out, lg_error *error) {
     lg_parameter_spec parameters[LG_PROGRAM_MAX_PARAMETERS];
     const lg_program_spec spec = {.size = sizeof spec,
