@@ -20,8 +20,8 @@ typedef struct lg_stored {
 /* The messages of all functions name the path. */
 lg_status lg_stored_save(const lg_archive_writer *to, const lg_stored *rows, size_t count, lg_error *error);
 lg_status lg_stored_load(const lg_archive_reader *from, const lg_stored *rows, size_t count, lg_error *error);
-/* LG_INVALID_ARGUMENT if a stored number is not the one that its row points to. The rows are single numbers of
- * the types U64 and F64. */
+/* LG_INVALID_ARGUMENT if a stored number is not the one that its row points to. The rows are single numbers
+ * of the types U64 and F64. */
 lg_status lg_stored_compare(const lg_archive_reader *from, const lg_stored *rows, size_t count,
                             lg_error *error);
 /* Sets the pointer of a `pointed` row to new memory; LG_OUT_OF_MEMORY. */

@@ -32,8 +32,8 @@ double lg_matrix_radius(size_t n, double *a);
  * a^-1 x. */
 bool lg_matrix_factor(size_t n, size_t stride, double *a, size_t *pivot);
 void lg_matrix_solve(size_t n, size_t stride, const double *a, const size_t *pivot, size_t step, double *x);
-/* inverse (n, n) = a^-1; a becomes its factors. Returns false, with zeros in `inverse`, if a pivot is 0 or not
- * finite. */
+/* inverse (n, n) = a^-1; a becomes its factors. Returns false, with zeros in `inverse`, if a pivot is 0 or
+ * not finite. */
 bool lg_matrix_invert(size_t n, double *a, size_t *pivot, double *inverse);
 /* L becomes the lower triangular matrix with L L^T = (a + a^T)/2. Returns false if (a + a^T)/2 is not
  * positive definite. a and L do not overlap. */
