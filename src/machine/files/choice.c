@@ -102,7 +102,8 @@ static lg_status judge_fit(const trial_training *t, const lg_machine_problem *be
     memcpy(theta, self->theta, P * sizeof *theta);
     for (size_t w = 0; w < out->fits; w++) {
         one.start = before->start + w;
-        memcpy(theta + P, self->theta + P + w * start, start * sizeof *theta);
+        for (size_t i = 0; i < start; i++) /* their unit has the root of the number of windows */
+            theta[P + i] = sqrt((double)all) * self->theta[P + w * start + i];
         LG_TRY(lg_machine_loss(self->context, &one, theta, &out->left[w], NULL, error));
     }
     return LG_OK;
