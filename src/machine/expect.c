@@ -32,34 +32,6 @@ static double dot(const double *a, const double *b, size_t n) {
     return lg_kernels_for(LG_F64)->dot(n, a, b);
 }
 
-/* Sum of a[i] b[i] c[i]. */
-static double dot3(const double *a, const double *b, const double *c, size_t n) {
-    double sum = 0.0;
-    for (size_t i = 0; i < n; i++) sum += a[i] * b[i] * c[i];
-    return sum;
-}
-
-double lg_machine_take_start(double *columns, size_t stride, size_t rows, size_t n, size_t own,
-                             const double *variance) {
-    static const double rounding = 1e-20;
-    double before[2 * LG_MACHINE_VELOCITIES], taken = 0.0;
-    for (size_t k = 0; k < own; k++) {
-        const double *column = columns + (n + k) * stride;
-        before[k] = dot(column, column, rows);
-    }
-    for (size_t k = n + own; k-- > n;) {
-        const double *pivot = columns + k * stride;
-        const double norm = dot(pivot, pivot, rows);
-        if (!(norm > rounding * before[k - n])) continue;
-        taken += variance != NULL ? dot3(pivot, pivot, variance, rows) / norm : 1.0;
-        for (size_t j = 0; j < k; j++) {
-            double *column = columns + j * stride;
-            lg_kernels_for(LG_F64)->axpy(rows, -dot(pivot, column, rows) / norm, pivot, column);
-        }
-    }
-    return taken;
-}
-
 /* Adds the effect of a measured start's noise on the residuals to `left` and K. */
 static void add_start(expecting *e, const double *columns, const double *variance) {
     const size_t n = e->of.n, stride = e->of.rows;
@@ -92,7 +64,7 @@ static void add_window(void *user, double *columns, uint32_t window) {
         for (size_t j = 0; j < n; j++) {
             const double *a = columns + i * of->rows, *b = columns + j * of->rows;
             e->J[i * n + j] += dot(a, b, of->fit.rows);
-            e->K[i * n + j] += dot3(a, b, variance, e->rows);
+            e->K[i * n + j] += lg_machine_dot3(a, b, variance, e->rows);
         }
     if (e->measured) add_start(e, columns, of_start);
 }

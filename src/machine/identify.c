@@ -19,6 +19,33 @@ static double dot(const double *a, const double *b, size_t n) {
     return lg_kernels_for(LG_F64)->dot(n, a, b);
 }
 
+double lg_machine_dot3(const double *a, const double *b, const double *c, size_t n) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) sum += a[i] * b[i] * c[i];
+    return sum;
+}
+
+double lg_machine_take_start(double *columns, size_t stride, size_t rows, size_t n, size_t own,
+                             const double *variance) {
+    static const double rounding = 1e-20;
+    double before[2 * LG_MACHINE_VELOCITIES], taken = 0.0;
+    for (size_t k = 0; k < own; k++) {
+        const double *column = columns + (n + k) * stride;
+        before[k] = dot(column, column, rows);
+    }
+    for (size_t k = n + own; k-- > n;) {
+        const double *pivot = columns + k * stride;
+        const double norm = dot(pivot, pivot, rows);
+        if (!(norm > rounding * before[k - n])) continue;
+        taken += variance != NULL ? lg_machine_dot3(pivot, pivot, variance, rows) / norm : 1.0;
+        for (size_t j = 0; j < k; j++) {
+            double *column = columns + j * stride;
+            lg_kernels_for(LG_F64)->axpy(rows, -dot(pivot, column, rows) / norm, pivot, column);
+        }
+    }
+    return taken;
+}
+
 /* Counts the residuals of a chunk. The three numbers of a direction, or of its velocity, are worth two. Those
  * that are almost 0 have almost no weight: positions that are integrals of measured velocities. */
 static void count_residuals(normal *s) {

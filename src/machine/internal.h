@@ -524,6 +524,8 @@ enum { LG_MACHINE_MOST_WINDOWS = 512 };
 lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
                               const double *theta, double *triangle, double *lagged, double *numbers,
                               lg_error *error);
+/* Sum of a[i] b[i] c[i]. */
+double lg_machine_dot3(const double *a, const double *b, const double *c, size_t n);
 /* Makes the n columns (rows), each `stride` numbers behind the one before, orthogonal to the `own` columns of
  * a start behind them (modified Gram-Schmidt). Returns the variance that these take: of residuals with the
  * variances `variance` (rows), or of 1 with NULL. A direction has three rotation parameters, but only two are
