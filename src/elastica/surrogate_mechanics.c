@@ -9,7 +9,6 @@
 
 #include "liegrad/ops.h"
 #include "elastica/surrogate_internal.h"
-#include "kernels/matrix.h"
 
 /* a (B, n) less the mean of each row. */
 static lg_var centred(lg_tape *tape, lg_var a, double scale) {
@@ -43,13 +42,20 @@ lg_var lg_surrogate_moments(lg_tape *tape, const lg_surrogate *model, lg_var tur
 
 /* Least squares of theta_k - theta_0 = m s_k + fx Y_k - fy X_k over the nodes: the moment, integrated once
  * more. X and Y are the integrals of x and y from s = 0, of the cubics through nodes and tangents; everything
- * in units of L. A curve along an axis leaves the force undetermined; it gets 0. */
+ * in units of L. */
 enum { UNKNOWN = 3 };
+
+static void solve(double a[UNKNOWN][UNKNOWN + 1]) {
+    for (size_t p = 0; p < UNKNOWN; p++)
+        for (size_t i = 0; i < UNKNOWN; i++) {
+            const double factor = i == p || a[p][p] == 0.0 ? 0.0 : a[i][p] / a[p][p];
+            for (size_t j = p; j <= UNKNOWN; j++) a[i][j] -= factor * a[p][j];
+        }
+}
 
 void lg_surrogate_force(double length, uint32_t intervals, const double *q, const double *v, double *force) {
     const double h = 1.0 / intervals;
     double a[UNKNOWN][UNKNOWN + 1] = {{0.0}}, row[UNKNOWN + 1] = {0.0};
-    size_t pivot[UNKNOWN];
     for (size_t k = 0; k < intervals; k++) {
         const double *p = q + 2 * k, *t = v + 2 * k;
         double area[2];
@@ -60,9 +66,9 @@ void lg_surrogate_force(double length, uint32_t intervals, const double *q, cons
         for (size_t i = 0; i < UNKNOWN; i++)
             for (size_t j = 0; j <= UNKNOWN; j++) a[i][j] += row[i] * row[j];
     }
-    const bool bent = lg_matrix_factor(UNKNOWN, UNKNOWN + 1, a[0], pivot);
-    if (bent) lg_matrix_solve(UNKNOWN, UNKNOWN + 1, a[0], pivot, UNKNOWN + 1, &a[0][UNKNOWN]);
-    for (size_t c = 0; c < 2; c++) force[c] = bent ? a[c + 1][UNKNOWN] : 0.0;
+    solve(a);
+    for (size_t c = 0; c < 2; c++)
+        force[c] = a[c + 1][c + 1] == 0.0 ? 0.0 : a[c + 1][UNKNOWN] / a[c + 1][c + 1];
 }
 
 lg_var lg_surrogate_bending(lg_tape *tape, const lg_surrogate *model, lg_var turning) {
