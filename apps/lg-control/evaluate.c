@@ -219,7 +219,7 @@ static void tell_errors(const following *f, app_json *out, const sums *sum, doub
 /* Runs the policy along the set points of a file, with the columns t, the tracked coordinates and, if they
  * are there, these coordinates' velocities. Adds the errors to the results as `reference`. */
 static void follow(const app *self, lg_policy *policy, const char *path, app_json *out) {
-    static const char *const names[FUNCTIONS] = {"track", "period", "sensed"};
+    static const char *const names[FUNCTIONS] = {"track", "period", "sensed_by_control"};
     following f = {.self = self, .policy = policy, .task = &policy->task};
     APP_CLEAN(lg_policy_plans_destroy) lg_policy_plans plans;
     sums sum[LG_POLICY_COORDINATES] = {{0, 0}};

@@ -103,7 +103,8 @@ static void motion_code(export_model *m) {
     export_size(source, "STATE_SIZE", m->dim, "numbers in state and next");
     export_size(source, "FIELD_SIZE", m->algebra, "numbers in field");
     export_size(source, "INPUT_SIZE", m->forces, "numbers in an input");
-    export_size(source, "STEP_EVALUATIONS", evaluations_of(m), "of the field, or of the force, in a step");
+    export_size(source, "STEP_EVALUATIONS", evaluations_of(m),
+                "of the field, or of the force, in a step; 0: not counted");
     if (energy) lg_text_add_named(&source->declarations, name, energy_declaration);
     lg_text_add_named(&source->declarations, name, export_fragment_text("motion.cin"));
 }

@@ -102,7 +102,7 @@ static inline bool lg_policy_has(const lg_policy *p, const char *function) {
 }
 /* Checks the task and sets sizes, with room for theta. lg_policy_adopt checks the program that the policy
  * was loaded with, takes its parameters, sets the goals of lagged inputs from the regulator, and replaces the
- * program by one with derivatives that are made anew. */
+ * program by one whose own derivatives are made anew. */
 LG_API lg_status lg_policy_prepare(lg_policy *policy, lg_error *error);
 LG_API lg_status lg_policy_adopt(lg_policy *policy, lg_error *error);
 /* Writes random parameters. */
@@ -180,7 +180,7 @@ lg_status lg_policy_add_disturbed_regulator(lg_policy *policy, lg_error *error);
  * y (B, inputs), how (B, LG_POLICY_PLANNED). */
 enum { LG_POLICY_BEYOND = 2, LG_POLICY_PENALTY = 3, LG_POLICY_PLANNED = 4 };
 lg_status lg_policy_add_planned(lg_policy *policy, lg_error *error);
-/* Adds sensed (x) -> x of `control`. */
+/* Adds sensed_by_control (x) -> x of `control`; a plant may have a function `sensed` of its own. */
 LG_API lg_status lg_policy_add_sensed(lg_policy *policy, lg_error *error);
 /* A plan of a function of the program for `rows` rows. */
 LG_API lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype dtype, size_t rows,

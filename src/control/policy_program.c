@@ -456,7 +456,7 @@ lg_status lg_policy_add_planned(lg_policy *p, lg_error *error) {
 
 lg_status lg_policy_add_sensed(lg_policy *p, lg_error *error) {
     const ports port = ports_of(p);
-    return add(p, "sensed", record_sensed, &port.x, 1, OUTS("sensed"), error);
+    return add(p, "sensed_by_control", record_sensed, &port.x, 1, OUTS("sensed"), error);
 }
 
 lg_status lg_policy_add_functions(lg_policy *p, lg_error *error) {

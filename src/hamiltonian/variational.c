@@ -120,7 +120,10 @@ lg_status lg_hamiltonian_variational_step(lg_tape *tape, const lg_hamiltonian_va
     LG_TRY(lg_taped_root(tape, &(lg_root){.equations = held, .user = &s, .scale = 1.0}, nu, &nu));
     lg_var normal = normal_of(tape, &s, nu);
     const lg_var z1 = lg_sub(tape, s.free, lg_matmul(tape, normal, s.W));
-    if (!lg_is_none(over->rows)) normal = lg_div(tape, normal, over->rows);
+    if (!lg_is_none(over->rows)) { /* h = 0 has the multiplier 0: it is divided by 1 */
+        const lg_var still = lg_ge(tape, lg_full(tape, lg_shape2(1, 1), 0.0), lg_abs(tape, over->rows));
+        normal = lg_div(tape, normal, lg_add(tape, over->rows, still));
+    }
     P = lg_taped_moved(tape, P, -1.0 / over->h, normal);
     P = moved(tape, over, P, -0.5, lg_hamiltonian_potential_gradient(tape, vars, z1));
     lg_hamiltonian_cut(tape, family, y, z1, 0, next);

@@ -122,8 +122,7 @@ TEST("the closed loop finds planted errors") {
     static char out[EXPORT_TEXT];
     static const char *const plants[] = {
         "awk '!n && /^    -?[0-9]/ { sub(/[0-9]/, \"8\"); n = 1 } 1' good/cp_weights.c > bad/cp_weights.c",
-        "sed 's/seen\\[i\\] = (real)sensed/seen[i] = (i < 2 ? 1 : -1) * (real)sensed/' good/cp_test.c > "
-        "bad/cp_test.c",
+        "sed 's/seen\\[i\\] = (real)/seen[i] = (i < 2 ? 1 : -1) * (real)/' good/cp_test.c > bad/cp_test.c",
         "sed 's/held\\[i\\] = (double)u/held[i] = -(double)u/' good/cp_test.c > bad/cp_test.c",
         "sed 's/^    u\\[0\\] = \\|y0\\[0\\] = /&REAL(1.001) * /' good/cp.c > bad/cp.c"};
     make_cart("cart", 1, "", "network, hidden: [8]");

@@ -347,7 +347,7 @@ TEST("programs have the variational steps of training, of order 2 under an input
     for (size_t m = 0; m < motions(); m++) {
         const moving s = make_motion(m, LG_POTENTIAL_MLP, LG_TANH);
         const built other = in_other_units(&s.b);
-        const double h = 0.02, none[MOST_INPUT] = {0.0}, *const in[] = {s.y, s.m > 0 ? none : &h, &h};
+        const double h = 0.02, zero = 0.0, none[MOST_INPUT] = {0.0}, *in[] = {s.y, s.m > 0 ? none : &h, &h};
         double next[MOST_STATE], y[MOST_STATE], *out = next;
         lg_program *program;
         const lg_status status =
@@ -365,6 +365,9 @@ TEST("programs have the variational steps of training, of order 2 under an input
         memcpy(y, s.y, sizeof y);
         go_variational(&s.b, 1, h, y);
         for (size_t i = 0; i < s.d; i++) assert_close(next[i], y[i], 1e-13, 1e-13);
+        in[s.m > 0 ? 2 : 1] = &zero;
+        assert_ok(lg_program_eval(NULL, program, "step", 1, in, &out, NULL));
+        for (size_t i = 0; i < s.d; i++) assert_close(next[i], s.y[i], 1e-13, 1e-13);
         lg_program_destroy(program);
     }
 }

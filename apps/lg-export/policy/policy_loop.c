@@ -19,7 +19,7 @@ typedef struct export_loop {
 } export_loop;
 
 static void open_loop(const export_policy_job *j, export_loop *l) {
-    static const char *const names[EVALUATIONS] = {"sensed", "control", "control", "period"};
+    static const char *const names[EVALUATIONS] = {"sensed_by_control", "control", "control", "period"};
     *l = (export_loop){.job = j};
     l->seen = app_keep(j->given + j->velocities, sizeof *l->seen);
     l->x = app_keep(j->state + j->inputs, sizeof *l->x);
@@ -165,7 +165,7 @@ static void add_plant(const export_policy_job *j, text *to) {
     APP_FREE char *name = app_format("%s_plant", j->source->options->name);
     const export_options options = {.name = name, .dtype = LG_F64};
     export_function functions[] = {{.function = "period", .hidden = true},
-                                   {.function = "sensed", .hidden = true}};
+                                   {.function = "sensed_by_control", .hidden = true}};
     export_source plant;
     lg_c_source *c;
     export_source_begin(&plant, &options);

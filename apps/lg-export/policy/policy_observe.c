@@ -22,7 +22,7 @@ typedef struct filter {
 static lg_status record_step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
     const lg_var state = export_policy_state(tape, user, in[0]);
     const lg_var next = lg_program_call(tape, "period", 0, (const lg_var[]){state, in[1]});
-    out[0] = lg_program_call(tape, "sensed", 0, &next);
+    out[0] = lg_program_call(tape, "sensed_by_control", 0, &next);
     return lg_tape_status(tape);
 }
 

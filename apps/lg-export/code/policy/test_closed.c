@@ -21,7 +21,7 @@ static void run_loop(const real *x, real *y, int only, real *work) {
         int wrong = 0;
         for (i = 0; i < STATE; i++) at[i] = (double)x[i];
         for (k = 0; k < SEGMENT; k++) {
-            NAME_plant_sensed(at, sensed, moving);
+            NAME_plant_sensed_by_control(at, sensed, moving);
             for (i = 0; i < NAME_INPUTS; i++) seen[i] = (real)sensed[i];
             NAME_control(seen, u, work);
             wrong += outside(u);
