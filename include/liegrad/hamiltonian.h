@@ -441,11 +441,11 @@ LG_API lg_var lg_hamiltonian_record_velocity(lg_tape *tape, const lg_hamiltonian
  *   step  (x, u, h) -> next       one step of `scheme` (NULL: the family's default) with constant u
  * with x (d), u (m), h (1), q and p (d/2). u is absent when the family has no inputs. With a constraint there
  * are also the functions `constraint`, `potential` and `mass` of the learned system, as lg_constraint_create
- * takes them. LG_SCHEME_VARIATIONAL pushes the momenta by the input over h/2, before and after the step of
- * training; six steps of Newton's method find its multipliers, and where the last one moves the scaled
- * multipliers by more than 1e-5 of 1 and the largest, the result is not finite. Errors: those of
- * lg_program_build; LG_UNSUPPORTED (an implicit scheme, which finds its stage by iteration;
- * LG_SCHEME_VARIATIONAL for a family without `ambient`). */
+ * takes them. With LG_SCHEME_VARIATIONAL `step` adds h u/2 to the momenta before and after the step of
+ * training. Six iterations of Newton's method compute the scaled multipliers nu. The result is not finite if
+ * the last iteration changes nu by more than 1e-5 (1 + max |nu|). Errors: those of lg_program_build;
+ * LG_UNSUPPORTED (an implicit scheme, which finds its stage by iteration; LG_SCHEME_VARIATIONAL for a family
+ * without `ambient`). */
 LG_API lg_status lg_hamiltonian_program(const lg_context *context, const lg_hamiltonian *model,
                                         const double *theta, const lg_scheme *scheme, lg_program **out,
                                         lg_error *error);

@@ -430,8 +430,8 @@ LG_API lg_status lg_policy_task_parse(const lg_context *context, const char *pat
                                       lg_policy_task *task, lg_error *error);
 /* Saves a policy with the text of its task, as a file of kind "policy"; lg_program_load reads its
  * functions. lg_policy_load: `text` (may be NULL) becomes the task's text. The functions of the file must be
- * those that its task, plant and regulator give; derivatives of the file are not used. Errors: as of
- * lg_program_save and lg_program_load. */
+ * those that its task, plant and regulator give; lg_policy_load records the policy's derivatives again.
+ * Errors: as of lg_program_save and lg_program_load. */
 LG_API lg_status lg_policy_save(const lg_context *context, const char *path, const lg_policy *policy,
                                 const char *text, const lg_provenance *provenance, lg_error *error);
 LG_API lg_status lg_policy_load(const lg_context *context, const char *path, const lg_read_options *options,

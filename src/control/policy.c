@@ -476,9 +476,9 @@ static bool is_derivative(const char *name) {
     return strncmp(name, "jac_", 4) == 0 || strncmp(name, "adj1_", 5) == 0;
 }
 
-/* Evaluations run `closed` and `regulated`, exported C calls `control`, and its self-test also `sensed` and
- * `period`. All of them must be what the task, the plant and the regulator give. The derivatives of the file
- * are not used: the policy gets the program that was recorded for the comparison. */
+/* Evaluations run `closed` and `regulated`, exported C calls `control`, and its self-test also `period`. All
+ * of them must be what the task, the plant and the regulator give. The derivatives of the file are not used:
+ * the policy gets the program that was recorded for the comparison. */
 static lg_status take_recorded(lg_policy *p, lg_error *error) {
     LG_CLEAN(lg_policy_destroy_at) lg_policy *again = NULL;
     LG_TRY(transplant(p, p->program, NULL, DRAWN, &again, error));

@@ -32,7 +32,7 @@ typedef struct lg_policy_seen { /* positions and velocities, (B, ...); v LG_NONE
 } lg_policy_seen;
 /* Record the errors z (B, errors; `counted`: with q - goal for an angle, on the real line), the sum of the
  * costs of positions and velocities (B, 1), the features of a network (B, lg_policy_features), and positions
- * from positions as controllers get them (`given`: the other way around). */
+ * from positions as controllers get them; with `given`, these from positions. */
 lg_var lg_policy_record_errors(lg_tape *tape, const lg_policy *p, bool counted, lg_policy_seen seen);
 /* The sum over turning coordinates of factors[i] (4 sin^2(a/2) - |z_i|^2), (B, 1): what the errors lose
  * near the opposite side. LG_NONE: no coordinate turns. */
@@ -180,7 +180,7 @@ lg_status lg_policy_add_disturbed_regulator(lg_policy *policy, lg_error *error);
  * y (B, inputs), how (B, LG_POLICY_PLANNED). */
 enum { LG_POLICY_BEYOND = 2, LG_POLICY_PENALTY = 3, LG_POLICY_PLANNED = 4 };
 lg_status lg_policy_add_planned(lg_policy *policy, lg_error *error);
-/* Adds sensed_by_control (x) -> x of `control`; a plant may have a function `sensed` of its own. */
+/* Adds the function sensed_by_control (x) -> what `control` takes: its name leaves `sensed` to the plant. */
 LG_API lg_status lg_policy_add_sensed(lg_policy *policy, lg_error *error);
 /* A plan of a function of the program for `rows` rows. */
 LG_API lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype dtype, size_t rows,

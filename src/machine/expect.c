@@ -21,7 +21,7 @@ typedef struct expecting {
     bool measured;              /* whether the caller's problem has measured starts */
     const lg_machine_noise *noise;
     size_t rows;      /* residuals per window without priors */
-    double *variance; /* (3 * rows): work of add_window */
+    double *variance; /* (3 * rows): add_window uses it as scratch */
     double *J, *K;    /* (n, n): J'^T J', with priors, and J'^T C J', summed over windows */
     /* `left`: tr((1 - P) C), summed over windows. `unit`: what one number adds to the loss if its error is
      * one scale of the loss. */

@@ -510,7 +510,7 @@ void lg_machine_along_row(const lg_machine_problem *problem, size_t row, double 
 /* lg_fit_problem.linearise and lg_fit_problem.rows of a problem of windows. */
 lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
                                size_t count, size_t batch, double *loss, double *r, double *jacobian);
-/* losses (windows): of each window, as in a batch of 1. */
+/* Computes losses (windows): the loss that a fit of this window alone would have. */
 lg_status lg_machine_window_losses(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
                                    double *losses);
 size_t lg_machine_linearised_rows(const lg_machine_problem *problem);

@@ -1,5 +1,5 @@
-/* tests/consumer/stranger adds this system: a rigid body turns freely, and beside it a cart on a spring moves
- * along e1 and carries a pendulum on S^2. M couples a direction and a line. */
+/* tests/consumer/stranger adds this system: a rigid body turns freely, and a cart on a spring moves along e1
+ * and carries a pendulum on S^2. M couples a direction and a line. */
 #include "mechanics/engine.h"
 #include "mechanics/system.h"
 

@@ -479,7 +479,7 @@ TEST("the step of a program is that of fits, for every kind of coordinate; a ste
     }
 }
 
-TEST("fits and exported steps refuse masses that depend on the state") {
+TEST("fits and exported steps reject masses that depend on the state") {
     const lg_machine moving = machine_with(lg_term_kind_find(LG_MACHINE_MASS, "network"), LG_MACHINE_MASS);
     lg_error error = {LG_OK, ""};
     double q0[LG_MACHINE_POSITIONS], v0[LG_MACHINE_VELOCITIES];
