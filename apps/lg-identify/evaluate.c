@@ -190,11 +190,13 @@ static void advance(const linear_model *linear, const lg_machine_log *log, size_
     const double h = log->t[row + 1] - log->t[row];
     double sum[FEATURES] = {0}, d[FEATURES] = {0}, x[FEATURES];
     for (int stage = 0; stage < 4; stage++) {
-        const double *u = log->u + row * 4 * m, s = at[stage];
+        const double s = at[stage];
         for (size_t k = 0; k < nq; k++) x[k] = q[k] + h * s * d[k];
         for (size_t k = 0; k < nv; k++) x[nq + k] = v[k] + h * s * d[nq + k];
-        for (size_t k = 0; k < m; k++, u++)
+        for (size_t k = 0; k < m; k++) {
+            const double *u = log->u + row * 4 * m + k;
             x[nq + nv + k] = u[0] + s * (u[m] + s * (u[2 * m] + s * u[3 * m]));
+        }
         x[nq + nv + m] = 1;
         slope(linear, x, d);
         for (size_t k = 0; k < nq + nv; k++) sum[k] += h * weight[stage] * d[k];

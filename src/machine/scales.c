@@ -64,7 +64,7 @@ static void measure_inputs(const lg_machine *machine, const lg_machine_log *log,
     const uint32_t m = machine->input_count;
     const lg_machine_term *map = known_term(machine, LG_MACHINE_INPUT_MAP);
     lg_squares input[LG_MACHINE_INPUTS] = {{0, 0}}, force[LG_MACHINE_VELOCITIES] = {{0, 0}};
-    for (size_t row = 0; row < log->rows; row++) {
+    for (size_t row = 0; row < log->rows && m > 0; row++) {
         const double *u = log->u + row * 4 * m;
         for (uint32_t j = 0; j < m; j++) lg_squares_add(&input[j], u[j]);
         for (uint32_t i = 0; map != NULL && i < machine->velocities; i++) {
