@@ -250,7 +250,7 @@ static void expect_log(const char *yaml, const char *log, const char *predicted,
 
 TEST("the CSV that predict writes can be read as a log, with quaternions and the inputs of the given log") {
     cli_forget("train.csv test.csv p.csv log.csv");
-    cli_run(identify, "generate body-scene.yaml --runs 3 --t-end 3 --inputs steps --out train.csv");
+    cli_run(identify, "generate body-scene.yaml --runs 2 --t-end 3 --inputs steps --out train.csv");
     cli_run(identify, "generate body-scene.yaml --runs 2 --t-end 3 --seed 4 --out test.csv");
     cli_run(identify, "fit body.yaml train.csv --out body.h5");
     cli_json(identify, "predict body.h5 test.csv --out p.csv --plot p.svg", "rows 302, runs 2");
