@@ -49,6 +49,7 @@ static int setup(void **state) {
               "angle, velocity: w}]\ninputs: {columns: [u]}\nsystem: cart-pole\nparameters: {cart: 1, "
               "pole: 0.1, length: 1, gravity: 9.81}\ninput_map: {kind: known, values: [[1], [0]]}\n");
     write_task("chosen.yaml", "light.yaml", 0.75, "{kind: lqr}");
+    write_task("regulator.yaml", "light.yaml", 0.75, "{kind: lqr, gains: [2.06009, 0.254665]}");
     cli_write("lqr.yaml", test_text("%s{kind: lqr}\n", cart_task));
     cli_write("body.yaml",
               "columns: {time: t}\ncoordinates: [{name: R, kind: rotation, columns: [a, b, c, d], "
@@ -81,7 +82,8 @@ TEST("2 % more mass is refused with the angle, and the claim does not speak of a
     assert_true(side[0] > 1.4 && side[1] < 1.72); /* sin th > .75/.750465 within .04 of pi/2; refined there */
 }
 
-/* The pendulum with the torque .75 as a regulator */
+/* The pendulum with the torque .75 as a regulator. regulator.yaml has the gains that certify chooses for
+ * chosen.yaml. */
 TEST("gains that are found can be given: the same set is proved for the task and for its policy") {
     cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --json", 0, "");
     assert_says(result.out, "\"verified\": true");
@@ -94,7 +96,7 @@ TEST("gains that are found can be given: the same set is proved for the task and
     cli_expect(control, "certify given.yaml --box th=1.5,w=12 --json", 0, "");
     assert_close(json_number(result.out, "volume"), volume, 0.03, 0);
     assert_true(strstr(result.out, "\"gains\"") == NULL);
-    cli_expect(control, "train given.yaml --out given.h5", 0, "");
+    cli_expect(control, "train given.yaml --out given.h5 --robustness 0 --optimality-gap 0", 0, "");
     cli_expect(control, "certify given.h5 --box th=1.5,w=12 --json", 0, "");
     assert_close(json_number(result.out, "volume"), volume, 0.03, 0);
     cli_expect("lg-export", "given.h5 --out exported", 0, "");
@@ -111,7 +113,7 @@ TEST("the loop that runs is proved, with inputs that are held; --continuous is a
     assert_says(result.out, "between the samples");
     assert_says(result.out,
                 "Inputs stay in their limits. The box is of th, w, counted from the goal. Not covered: ");
-    cli_expect(control, test_text("certify chosen.yaml --held %s", box), 0, "");
+    cli_expect(control, test_text("certify regulator.yaml --held %s", box), 0, "");
     assert_says(result.out, "inputs are held");
     cli_expect(control, test_text("certify chosen.yaml --continuous %s", box), 0, "");
     assert_says(result.out, "at all times; the controller holds them for 0.01. The box");
@@ -182,28 +184,30 @@ TEST("the rounding of the controller is in the claim, unless it is exact or inpu
         {" --precision exact", "converge to the goal and V <= ", "and the rounding of the controller ("},
         {" --continuous", "converge to the goal; ", "and the rounding of the controller ("}};
     for (size_t i = 0; i < LG_COUNT(rows); i++) {
-        cli_expect(control, test_text("certify chosen.yaml --box th=1.5,w=12%s --json", rows[i].options), 0,
-                   rows[i].says);
+        cli_expect(control, test_text("certify regulator.yaml --box th=1.5,w=12%s --json", rows[i].options),
+                   0, rows[i].says);
         assert_says(result.out, rows[i].more);
     }
-    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --continuous --precision f32", 2, "--dtype");
+    cli_expect(control, "certify regulator.yaml --box th=1.5,w=12 --continuous --precision f32", 2,
+               "--dtype");
 }
 
 TEST("levels and errors of the model") {
-    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --level 3 --json", 1, "not proved");
+    cli_expect(control, "certify regulator.yaml --box th=1.5,w=12 --level 3 --json", 1, "not proved");
     double side[2];
     assert_int_equal(json_array(json_find(result.out, "failed"), "th", side, 2), 2);
     cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --model-error w=0.002 --json", 0, "");
     assert_says(result.out, "\"converges\": false");
     assert_says(result.out, "between the samples (of the model); the next state may err by up to (0, 0.002)");
-    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --continuous --model-error 0.2 --json", 0, "");
+    cli_expect(control, "certify regulator.yaml --box th=1.5,w=12 --continuous --model-error 0.2 --json", 0,
+               "");
     assert_says(result.out, "\"converges\": false");
     assert_says(result.out, "the rate may err by up to (0, 0.2)");
-    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --model-error w=0.0019956 --json", 0, "");
+    cli_expect(control, "certify regulator.yaml --box th=1.5,w=12 --model-error w=0.0019956 --json", 0, "");
     assert_says(result.out, "may err by up to (0, 0.0019956)");
-    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --model-error w=100 --json", 1,
+    cli_expect(control, "certify regulator.yaml --box th=1.5,w=12 --model-error w=100 --json", 1,
                "no quadratic V falls at all points");
-    cli_expect(control, "certify chosen.yaml --box th=1.5,w=12 --eps 0.5 --json", 0, "");
+    cli_expect(control, "certify regulator.yaml --box th=1.5,w=12 --eps 0.5 --json", 0, "");
     assert_says(result.out, "eps = 0.5 <=");
 }
 
@@ -245,7 +249,10 @@ TEST("a body that turns: the energy up to half a turn, or as far as torques stay
 
 TEST("a trained network is proved to reach a small set, and the claim says what its gate does") {
     write_task("net.yaml", "light.yaml", 0.75, "{kind: network, hidden: [8, 8]}");
-    cli_expect(control, "train net.yaml --out net.h5 --race 40 --finish 40 --polish 2 --seeds 2", 0, "");
+    cli_expect(control,
+               "train net.yaml --out net.h5 --race 40 --finish 40 --polish 2 --seeds 2 --robustness 0 "
+               "--optimality-gap 0",
+               0, "");
     cli_expect(control, "certify net.h5 --box th=1,w=8 --json", 0, "");
     assert_says(result.out, "\"verified\": true");
     assert_says(result.out, "of the input to the regulator");

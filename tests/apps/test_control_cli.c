@@ -6,7 +6,8 @@ static const char control[] = "lg-control";
 static const char machine[] =
     "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}, {name: th, kind: angle, "
     "velocity: w}]\n"
-    "inputs: {columns: [u]}\nsystem: cart-pole\nparameters: {cart: 1, pole: %s, length: 1, gravity: 9.81}\n"
+    "inputs: {columns: [u], hold: zero}\nsystem: cart-pole\nparameters: {cart: 1, pole: %s, length: 1, "
+    "gravity: 9.81}\n"
     "input_map: {kind: known, values: [[1], [0]]}\n";
 #define TASK                                                                                                 \
     "plant: cart.yaml\nperiod: 0.05\nhorizon: 5\nstarts: {x: [-0.5, 0.5], th: [-3.14159, 3.14159], vx: "     \
@@ -33,7 +34,8 @@ static void need_regulator(void) {
 }
 
 TEST("a short training swings up more starts than the regulator, and its file gives the same runs") {
-    cli_expect(control, "train task.yaml --race 60 --finish 60 --polish 5 --threads 2 --out p.h5 --json", 0,
+    cli_expect(control,
+               "train task.yaml --race 60 --finish 60 --polish 5 --threads 2 --out p.h5 --json" BRIEFLY, 0,
                "");
     const double success = json_number(result.out, "success"),
                  regulator = json_number(result.out, "regulator_success"),
@@ -392,7 +394,7 @@ TEST("the demo runs nothing that was in its folder before") {
         const struct timespec late[2] = {{.tv_sec = 4102444800}, {.tv_sec = 4102444800}};
         assert_int_equal(utimensat(AT_FDCWD, cli_at(name), late, 0), 0);
         if (i == 0) continue; /* the demo finds both makefiles */
-        cli_expect(control, "demo --out demo --seconds 1", i < 2 ? 0 : 3, i < 2 ? "" : files[i]);
+        cli_expect(control, "demo --out demo --seconds 0.2", i < 2 ? 0 : 3, i < 2 ? "" : files[i]);
         if (cli_exists("RAN")) fail_msg("%s ran", files[i]);
         cli_unlink(name);
     }
@@ -411,12 +413,12 @@ static void write_truck(const char *name, double mass, double lag, unsigned dela
                         lag, delay, mass, width));
 }
 
-static void write_truck_task(const char *name, const char *plant, const char *more) {
+static void write_truck_task(const char *name, const char *plant, int within, const char *more) {
     cli_write(name,
               test_text("plant: %s\nperiod: 0.05\nhorizon: 5\nstarts: {x: [-1, 1], v: [-0.5, 0.5]}\nlimits: "
-                        "{u: 5}\ncost: {x: 1, v: 0.1}\nsuccess: {x: 0.01, hold: 1, within: 8}\n"
+                        "{u: 5}\ncost: {x: 1, v: 0.1}\nsuccess: {x: 0.01, hold: 1, within: %d}\n"
                         "controller: {kind: lqr}\n%s",
-                        plant, more));
+                        plant, within, more));
 }
 
 /* The success of a row of `robustness`; -1: there is no such row. */
@@ -430,8 +432,8 @@ TEST("train tells what a change of each number does, as evaluate finds it on the
     write_truck("truck.yaml", 10, 0.06, 2, "");
     write_truck("heavy.yaml", 12, 0.06, 2, "");
     write_truck("lazy.yaml", 10, 0.1, 2, "");
-    write_truck_task("truck_task.yaml", "truck.yaml", "integral: [x]\n");
-    cli_expect(control, "train truck_task.yaml --out truck.h5 --json --robustness 60 --optimality-gap 0", 0,
+    write_truck_task("truck_task.yaml", "truck.yaml", 8, "integral: [x]\n");
+    cli_expect(control, "train truck_task.yaml --out truck.h5 --json --robustness 30 --optimality-gap 0", 0,
                "");
     const double heavy = robustness_of(result.out, "mass", "1.2"),
                  lazy = robustness_of(result.out, "lag", "1.6666666666666667");
@@ -443,9 +445,9 @@ TEST("train tells what a change of each number does, as evaluate finds it on the
             assert_true(success >= 0 && success <= 1);
         }
     assert_true(robustness_of(result.out, "mass", "1.6666666666666667") == -1);
-    cli_expect(control, "evaluate truck.h5 --plant heavy.yaml --starts 60 --json", 0, "");
+    cli_expect(control, "evaluate truck.h5 --plant heavy.yaml --starts 30 --json", 0, "");
     assert_close(json_number(result.out, "success"), heavy, 0, 1e-9);
-    cli_expect(control, "evaluate truck.h5 --plant lazy.yaml --starts 60 --json", 0, "has another lag");
+    cli_expect(control, "evaluate truck.h5 --plant lazy.yaml --starts 30 --json", 0, "has another lag");
     assert_close(json_number(result.out, "success"), lazy, 0, 1e-9);
 }
 
@@ -454,7 +456,7 @@ TEST("friction sticks whatever its width in the file, and inputs act late in all
     static const char *const widths[] = {"", ", width: 0.3"};
     for (int i = 0; i < 2; i++) {
         write_truck("wide.yaml", 10, 0.06, 0, widths[i]);
-        write_truck_task("wide_task.yaml", "wide.yaml", "");
+        write_truck_task("wide_task.yaml", "wide.yaml", 3, "");
         cli_expect(control, "train wide_task.yaml --out wide.h5 --json" BRIEFLY, 0, "");
         success[i] = json_number(result.out, "success");
         assert_true(robustness_of(result.out, "mass", "1.2") == -1);
@@ -464,7 +466,7 @@ TEST("friction sticks whatever its width in the file, and inputs act late in all
     assert_true(success[0] < 0.9); /* the regulator alone stops before the goal, and train says so */
     assert_non_null(strstr(result.out, "of the starts succeed"));
     write_truck("late.yaml", 10, 0.06, 12, "");
-    cli_expect(control, "evaluate truck.h5 --plant late.yaml --starts 60 --json", 0, "");
+    cli_expect(control, "evaluate truck.h5 --plant late.yaml --starts 30 --json", 0, "");
     assert_true(json_number(result.out, "success") < 0.5);
     cli_expect(control, "certify truck.h5 --box x=1,v=1", 2, "as where dry friction sticks");
     cli_expect(control, "certify truck.h5 --box x=1,v=1 --continuous", 2,
@@ -473,9 +475,9 @@ TEST("friction sticks whatever its width in the file, and inputs act late in all
     cli_write("auto.yaml", "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: v}]\ninputs: "
                            "{columns: [u], delay: auto}\nmass: {kind: known, values: [1]}\ninput_map: {kind: "
                            "known, values: [1]}\n");
-    write_truck_task("auto_task.yaml", "auto.yaml", "");
+    write_truck_task("auto_task.yaml", "auto.yaml", 8, "");
     cli_expect(control, "train auto_task.yaml --out x.h5", 3, "the delay of the input u is unknown");
-    write_truck_task("bad_task.yaml", "truck.yaml", "compensate: true\nintegral: [v]\n");
+    write_truck_task("bad_task.yaml", "truck.yaml", 8, "compensate: true\nintegral: [v]\n");
     cli_expect(control, "train bad_task.yaml --out x.h5", 3, "integral: expected a position, not 'v'");
 }
 

@@ -387,13 +387,13 @@ TEST("labels of 16 digits and more stay as they are written, from the table to t
 }
 
 TEST("two outputs, all networks and methods are trained") {
-    static const char *const lines[] = {"--network resnet --hidden 12,12 --epochs 15",
+    static const char *const lines[] = {"--network resnet --hidden 7,7 --epochs 15",
                                         "--network mult --hidden 10 --epochs 30",
                                         "--network mult-affine --hidden 8,8 --activation swish --epochs 20",
                                         "--hidden 20 --activation sine --linear false",
                                         "--hidden 20 --method ssbroyden --epochs 200",
                                         "--hidden 20 --method adam:20,lbfgs --epochs 200",
-                                        "--size 16,16 --method lbfgs --epochs 100"};
+                                        "--size 12,12 --method lbfgs --epochs 60"};
     need_tables();
     for (size_t i = 0; i < LG_COUNT(lines); i++) {
         char line[512];

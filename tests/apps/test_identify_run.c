@@ -27,7 +27,7 @@ static const char body_scene[] =
 static const char body_machine[] =
     "columns: {time: t, run: run}\ncoordinates:\n"
     "  - {name: body, kind: rotation, columns: [qw, qx, qy, qz], velocity: [wx, wy, wz]}\n"
-    "inputs: {columns: [a, b, c]}\nmass: diagonal\npotential: {kind: linear, of: body.up}\n"
+    "inputs: {columns: [a, b, c], hold: zero}\nmass: diagonal\npotential: {kind: linear, of: body.up}\n"
     "damping: diagonal\ninput_map: {kind: known, values: [[1,0,0],[0,1,0],[0,0,1]]}\n";
 
 /* A crane with degrees, milliseconds, and inputs that act two rows after they are logged. */
@@ -250,7 +250,7 @@ static void expect_log(const char *yaml, const char *log, const char *predicted,
 
 TEST("the CSV that predict writes can be read as a log, with quaternions and the inputs of the given log") {
     cli_forget("train.csv test.csv p.csv log.csv");
-    cli_run(identify, "generate body-scene.yaml --runs 3 --t-end 3 --inputs steps --out train.csv");
+    cli_run(identify, "generate body-scene.yaml --runs 2 --t-end 3 --inputs steps --out train.csv");
     cli_run(identify, "generate body-scene.yaml --runs 2 --t-end 3 --seed 4 --out test.csv");
     cli_run(identify, "fit body.yaml train.csv --out body.h5");
     cli_json(identify, "predict body.h5 test.csv --out p.csv --plot p.svg", "rows 302, runs 2");
@@ -565,14 +565,14 @@ TEST("with positions alone the starts are estimated from 50 rows, which are not 
     cli_forget("train.csv test.csv p.csv log.csv");
     cli_write("positions-scene.yaml",
               "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"
-              "inputs: {columns: [u]}\nmass: {kind: known, values: [2]}\n"
+              "inputs: {columns: [u], hold: zero}\nmass: {kind: known, values: [2]}\n"
               "potential: {kind: known, form: quadratic, of: x, values: [2.5]}\n"
               "damping: {kind: known, values: [0.3]}\ninput_map: {kind: known, values: [[1]]}\n");
-    cli_write(
-        "positions.yaml",
-        "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"
-        "inputs: {columns: [u]}\nmass: {kind: known, values: [2]}\npotential: {kind: quadratic, of: x}\n"
-        "damping: diagonal\ninput_map: {kind: known, values: [[1]]}\n");
+    cli_write("positions.yaml",
+              "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n  - {name: x, kind: line}\n"
+              "inputs: {columns: [u], hold: zero}\nmass: {kind: known, values: [2]}\npotential: {kind: "
+              "quadratic, of: x}\n"
+              "damping: diagonal\ninput_map: {kind: known, values: [[1]]}\n");
     cli_run(identify, "generate positions-scene.yaml --runs 2 --t-end 5 --out train.csv");
     cli_run(identify, "fit positions.yaml train.csv --out m.h5");
     cli_run(identify,
@@ -620,15 +620,12 @@ TEST("the rows that estimate a start follow disturbance and noise, and all machi
                  {600, 0.05, 1e9, 0.5, 1e-4, 4, 10},
                  {600, 0.05, 1, 0, 0.02, 25, 50}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
-        cli_write(
-            "pushed.yaml",
-            test_text("columns: {time: t}\nmeasured: positions\ncoordinates:\n"
-                      "  - {name: y, kind: line}\n%s",
-                      cases[i].least > 50
-                          ? "inputs: {columns: [u], hold: zero}\nmass: diagonal\n"
-                            "input_map: {kind: known, values: [[1]]}\n"
-                            "damping: {kind: known, values: [0.3]}\n"
-                          : "inputs: {columns: [u]}\nmass: {kind: known, values: [1]}\ndamping: diagonal\n"));
+        cli_write("pushed.yaml",
+                  test_text("columns: {time: t}\nmeasured: positions\ncoordinates:\n"
+                            "  - {name: y, kind: line}\ninputs: {columns: [u], hold: zero}\n%s",
+                            cases[i].least > 50 ? "mass: diagonal\ninput_map: {kind: known, values: [[1]]}\n"
+                                                  "damping: {kind: known, values: [0.3]}\n"
+                                                : "mass: {kind: known, values: [1]}\ndamping: diagonal\n"));
         const double unit = cases[i].unit, h = cases[i].h;
         write_pushed("train.csv", cases[i].rows, h, unit, cases[i].push, cases[i].noise, 2);
         write_pushed("test.csv", cases[i].rows, h, unit, cases[i].push, cases[i].noise, 3);
@@ -681,7 +678,7 @@ TEST("numbers have errors only if the fit has converged, whatever ended it") {
                 {"spring.yaml", "--method adam --epochs 3", false}};
     cli_forget("train.csv");
     cli_write("place.yaml", "columns: {time: t, run: run}\nmeasured: positions\ncoordinates:\n"
-                            "  - {name: x, kind: line}\ninputs: {columns: [u]}\nmass: diagonal\n"
+                            "  - {name: x, kind: line}\ninputs: {columns: [u], hold: zero}\nmass: diagonal\n"
                             "potential: {kind: quadratic, of: x}\ndamping: diagonal\n"
                             "input_map: {kind: known, values: [[1]]}\n");
     cli_write("spring.yaml", oscillator_network);

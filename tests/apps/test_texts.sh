@@ -4,6 +4,7 @@
 # shellcheck disable=SC2086 # words are split on purpose
 set -u
 export LC_ALL=C
+ulimit -t 100 # CPU time of each command, in seconds
 status=0
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -23,7 +24,7 @@ run() {
     out=said/$runs.out err=said/$runs.err
     printf -v "commands[$runs]" '%q ' "$@"
     runs=$((runs + 1))
-    timeout -k 1 100 "$LG_BIN_DIR/$1" "${@:2}" >"$out" 2>"$err" </dev/null
+    "$LG_BIN_DIR/$1" "${@:2}" >"$out" 2>"$err" </dev/null
     found=$?
 }
 
@@ -99,7 +100,7 @@ potential: none
 damping: diagonal
 input_map: {kind: known, values: [[1]]}
 ' >"machine$bad.yaml"
-run lg-identify generate "truth$bad.yaml" --inputs steps --amplitude 5 --t-end 2 --out "log$bad.csv"
+run lg-identify generate "truth$bad.yaml" --inputs steps --amplitude 5 --runs 2 --t-end 2 --out "log$bad.csv"
 run lg-identify fit "machine$bad.yaml" "log$bad.csv" --epochs 30 --out "machine$bad.h5"
 cat >"task$bad.yaml" <<'END'
 plant: "PLANT"
@@ -171,7 +172,7 @@ for program in $(cd "$LG_BIN_DIR" && echo lg-*); do
             run "$program" $verb "$a" "${given[@]}" --json
             for b in "table$bad.csv" "series$bad.h5" "kind$bad.h5" "no$bad"; do
                 [ $pairs = yes ] && run "$program" $verb "$a" "$b" "${given[@]}"
-                grep -q 'too many arguments' "$err" && pairs=no
+                [[ $(<"$err") = *'too many arguments'* ]] && pairs=no
             done
         done
     done

@@ -31,15 +31,23 @@ success: {th: 0.05, hold: 1, within: 8}
 controller: {kind: lqr}
 EOF
 cd "$work" || exit 1
-"$LG_BIN_DIR/lg-control" certify task.yaml --box th=1.5,w=12 --certificate whole.json >said 2>&1 || { cat said; exit 1; }
-"$python" "$check" whole.json >said || { cat said; exit 1; }
-grep -q '^PROVED whole.json: level .* boxes, .* s$' said || { cat said; exit 1; }
+# certified TASK CERTIFICATE [ORDER]: makes a certificate, with the given order of its Taylor polynomials, and proves it again.
+certified() {
+    "$LG_BIN_DIR/lg-control" certify "$1" --box th=1.5,w=12 --certificate "$2" >said 2>&1 || { cat said; exit 1; }
+    [ $# = 2 ] || sed -i "s/\"order\": *[0-9]*/\"order\": $3/" "$2"
+    "$python" "$check" "$2" >said || { cat said; exit 1; }
+    grep -q "^PROVED $2: level .* boxes, .* s\$" said || { cat said; exit 1; }
+}
+certified task.yaml whole.json
+# With a shorter period a polynomial of degree 2 is enough, and the checker takes a fourth of the time: changes are planted in this one.
+sed 's/^period: .*/period: 0.002/' task.yaml >short.yaml
+certified short.yaml short.json 2
 # What is wrong, the change of the certificate c, 1 if the hashes are renewed, and a piece of what the checker has to say.
 status=0
 planted() {
     "$python" - "$2" "$3" <<'EOF'
 import hashlib, json, sys
-c = json.load(open('whole.json'))
+c = json.load(open('short.json'))
 exec(sys.argv[1])
 if sys.argv[2] == '1':
     for k, of in (('rate', 'plant'), ('control', 'controller')):

@@ -11,11 +11,12 @@
 #include "files/h5.h"
 #include "support/fixtures.h"
 
-static char scratch[64];
+static char scratch[96];
 
 static inline int scratch_begin(void **state) {
     (void)state;
-    (void)snprintf(scratch, sizeof scratch, "/tmp/liegrad-test-XXXXXX");
+    const char *base = getenv("TMPDIR");
+    (void)snprintf(scratch, sizeof scratch, "%s/liegrad-test-XXXXXX", base != NULL ? base : "/tmp");
     (void)H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     return mkdtemp(scratch) == NULL;
 }

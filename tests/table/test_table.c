@@ -653,7 +653,7 @@ TEST("a regression in one call keeps the best of its starts") {
         x[i] = i;
         y[i] = sin(0.5 * i) + 0.1 * lg_rng_normal(&rng);
     }
-    for (uint32_t starts = 1; starts <= 5; starts++) {
+    for (uint32_t starts = 1; starts <= 3; starts++) {
         lg_table_fit_options options;
         lg_table_fit_result result;
         lg_program *program = NULL;
@@ -668,7 +668,7 @@ TEST("a regression in one call keeps the best of its starts") {
         kept = kept || best + 1 < starts;
         last = result.evidence.evidence;
     }
-    assert_true(kept); /* an earlier start was the best one at least once */
+    assert_true(best > 0 && kept); /* a later start was better, and the one after it was not */
 }
 
 TEST("a regression in one call refuses what it cannot fit") {
