@@ -22,8 +22,8 @@ typedef struct sweep {
     trials_work work;
     /* The following members are set by sweep.c. */
     char label[LG_SEARCH_LABEL]; /* of the table; ends with the hash of `setting` */
-    lg_trial *results; /* (work.count) by number, as the trials reported them */
-    lg_trial *trials;  /* (count) those that are done, stopped where one process would have stopped them */
+    lg_trial *results;           /* (work.count) by number, as the trials reported them */
+    lg_trial *trials; /* (count) those that are done, stopped where one process would have stopped them */
     size_t count, written, before; /* written: how many the file has; before: how many earlier calls did */
     lg_error failure;              /* why the first failed trial of this call failed */
     uint64_t failed;               /* number of this trial */

@@ -98,7 +98,6 @@ typedef struct lg_columns {
     size_t row;    /* where the row begins */
     bool open;     /* the row has a cell */
     bool words;    /* numbers that are not finite are nan, inf and -inf; otherwise their cells are empty */
-    bool shortest; /* numbers have the fewest digits that read back as the same number; otherwise 17 */
 } lg_columns;
 
 /* Begins a cell and returns the text, to which the caller adds the cell. It must not need quotes. */

@@ -5,6 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "common/app.h"
 #include "control/policy.h"
 #include "files/csv.h"
 #include "files/frame.h"
