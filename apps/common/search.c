@@ -454,6 +454,7 @@ void search_main(app *self, const app_command *train, train_task *task) {
                         .task = task};
     take_rungs(self, &search.sweep.options);
     sweep_choose(&search.sweep, search_given.resume);
+    self->continues = search.sweep.continues;
     train_begin(self, task, 1);
     APP_FILE(self, ranges, lg_search_file_read, file);
     check_and_read(&search);

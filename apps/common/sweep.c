@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "files/read_file.h"
 #include "nn/search.h"
 #include "settings/settings.h"
 
@@ -122,6 +123,9 @@ static uint64_t point_of(const lg_search_space *space, const double *value) {
 /* Takes the trials of the table that no part has. */
 static lg_status read_table(sweep *self, lg_error *error) {
     const trials_work *work = &self->work;
+    char first;
+    size_t got;
+    if (lg_read_first(work->out, &first, 1, &got, NULL) == LG_OK && got == 0) return LG_OK;
     const lg_status status = lg_trials_read(self->app->context, work->out, self->file, self->options.seed,
                                             self->setting, work->count, self->trials, &self->count, error);
     for (size_t i = 0; i < self->count && status == LG_OK; i++) {
@@ -148,7 +152,7 @@ static lg_status read_table(sweep *self, lg_error *error) {
 
 void sweep_choose(sweep *self, bool continues) {
     const app_path out = trials_choose(&self->work, NULL);
-    self->app->continues = continues || trials_continues(&self->work);
+    self->continues = continues || trials_continues(&self->work);
     app_check_outputs(self->app, &out, 1);
 }
 
@@ -166,11 +170,11 @@ bool sweep_run(sweep *self) {
     /* The label of a table of trials is a sure sign; a comment that begins as it does is not. */
     const lg_status found = lg_trials_read(host->context, work->out, self->file, self->options.seed,
                                            self->setting, 0, NULL, &self->count, &error);
-    if (!host->continues)
+    if (!self->continues)
         app_check_text(host, work->out, found == LG_FORMAT ? "no table of trials" : "# " LG_SEARCH_SEED);
     lg_search_label(self->file, self->options.seed, self->setting, self->label);
     app_must_file(host, trials_open(work, self->label, &error), &error, work->out);
-    const lg_status status = host->continues ? read_table(self, &error) : LG_OK;
+    const lg_status status = self->continues ? read_table(self, &error) : LG_OK;
     if (status == LG_INVALID_ARGUMENT) app_must(host, status, &error);
     app_must_file(host, status, &error, work->out);
     self->before = trials_known(work);

@@ -21,6 +21,7 @@ typedef struct sweep {
     bool (*ends)(lg_status status);
     trials_work work;
     /* The following members are set by sweep.c. */
+    bool continues;              /* an existing table is continued */
     char label[LG_SEARCH_LABEL]; /* of the table; ends with the hash of `setting` */
     lg_trial *results;           /* (work.count) by number, as the trials reported them */
     lg_trial *trials; /* (count) those that are done, stopped where one process would have stopped them */
@@ -31,8 +32,8 @@ typedef struct sweep {
     app_progress progress;
 } sweep;
 
-/* Checks the output. `continues`: an existing table is continued, else it is replaced, unless parts of it lie
- * next to it. Call it before the inputs are read. */
+/* Checks the output; call it before the inputs are read. `continues`: an existing table is continued. It is
+ * continued, too, if parts of it lie next to it; otherwise it is replaced. */
 void sweep_choose(sweep *self, bool continues);
 /* Runs the trials that the table lacks. True: this process has written the table; `trials` has all trials.
  * False: another process writes it. Failures end the command. */

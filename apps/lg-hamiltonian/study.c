@@ -412,12 +412,14 @@ const app_command hamiltonian_study_command = {
     .name = "study",
     .arguments = "GRID.yaml",
     .summary = "Train over a grid of integrators, N, M, noise and repeats",
-    .details = "The table has one row for each run: integrator, substeps, N, M, eps, penalty, repeat, seed, "
-               "loss (mean squared error at the end), E1, E2, seconds of training, epochs. Rows are appended "
-               "as runs end; the same command continues after Ctrl-C or a crash. Runs of one repeat share "
-               "initial weights, starts, noise and test trajectories. The command prints medians over the "
-               "repeats of each cell and geometric means over all runs of an integrator. The default seed is "
-               "the grid's; other keys that it lacks have the values of train --preset thesis.",
+    .details =
+        "The table has one row for each run: repeat, eps, N, M, penalty, substeps, integrator, loss (mean "
+        "squared error at the end), E1, E2, epochs, seconds of training. It is written as runs end; the same "
+        "command continues after Ctrl-C or a crash, and a grid with more values continues the table of a "
+        "smaller one. Runs of one repeat share initial weights, starts, noise and test trajectories. The "
+        "command prints medians over the repeats of each cell and geometric means over all runs of an "
+        "integrator. The default seed is the grid's; other keys that it lacks have the values of train "
+        "--preset thesis.",
     .settings = APP_SETTINGS(APP_GIVEN(study_options, values)),
     APP_DRAWS("median E1 against training time", "training_time", put_study),
     .run = run,
