@@ -281,7 +281,8 @@ static const lg_field columns[] = {COLUMN("trial", U64, number, .high = 0x1p64),
 /* Name of column i: one that every table has, a range, or a rung. A range with the name of a column that
  * every table has, such as epochs, is option-NAME. */
 enum { NAME = LG_RANGE_NAME + 8 };
-static const char *name_of(const lg_search_space *space, size_t i, char made[NAME]) {
+static const char *name_of(const lg_search_file *search, size_t i, char made[NAME]) {
+    const lg_search_space *space = &search->space;
     if (i < LG_COUNT(columns)) return columns[i].name;
     i -= LG_COUNT(columns);
     if (i < space->count) {
@@ -289,6 +290,8 @@ static const char *name_of(const lg_search_space *space, size_t i, char made[NAM
         size_t k = 0;
         while (k < LG_COUNT(columns) && strcmp(columns[k].name, range) != 0) k++;
         (void)snprintf(made, NAME, "%s%s", k < LG_COUNT(columns) ? "option-" : "", range);
+    } else if (search->report_name[i - space->count] != NULL) {
+        return search->report_name[i - space->count];
     } else {
         (void)snprintf(made, NAME, "rung%zu", i - space->count + 1);
     }
@@ -333,7 +336,7 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
     lg_search_label(search, seed, setting, label);
     lg_text_add(&t.text, "# %s\n", label);
     for (size_t i = 0; i < LG_COUNT(columns) + search->space.count + reports; i++)
-        lg_columns_name(&t, name_of(&search->space, i, made));
+        lg_columns_name(&t, name_of(search, i, made));
     lg_columns_end(&t);
     for (size_t i = 0; i < count; i++) add_trial(&t, &search->space, &trials[i], reports);
     return lg_columns_write(&t, context, path, error);
@@ -380,12 +383,16 @@ static lg_status check_head(const char *head, const char *shown, const lg_search
     if (sscanf(head, "# seed %20[0-9] space %16[0-9a-f] setting %16[0-9a-f]%n", seen_seed, seen[0], seen[1],
                &end) != 3 ||
         head[end + strspn(head + end, "\r")] != '\n' || lg_integer_parse(seen_seed, &number) != LG_OK)
-        return lg_fail(error, LG_FORMAT, "%s: line 1: '# seed S space HASH setting HASH' is expected", shown);
+        return lg_fail(error, LG_FORMAT,
+                       "%s: line 1: '# seed S space HASH setting HASH' is expected: this is no table of "
+                       "trials, or one of an "
+                       "earlier version; write to another file",
+                       shown);
     if (number != seed)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%s: the trials were made with seed %" PRIu64 ", not %" PRIu64, shown, number, seed);
     for (int i = 0; i < 2; i++)
-        if (strcmp(seen[i], want[i]) != 0)
+        if (strcmp(seen[i], want[i]) != 0 && !(i == 0 && search->by_values))
             return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the trials were made with other %s", shown,
                            i == 0 ? "ranges" : "fixed options or settings, or from other data");
     return LG_OK;
@@ -408,8 +415,9 @@ static lg_status read_trial(const lg_frame *f, size_t row, const lg_search_space
     return LG_OK;
 }
 
-static lg_status read_table(lg_frame *f, const lg_search_space *space, lg_trial *trials, size_t room,
+static lg_status read_table(lg_frame *f, const lg_search_file *search, lg_trial *trials, size_t room,
                             size_t *count, lg_error *error) {
+    const lg_search_space *space = &search->space;
     enum { FIXED = LG_COUNT(columns), BLOCK = 256 };
     lg_frame_want want[FIXED + LG_RANGE_MAX + LG_TRIAL_REPORTS];
     char made[LG_COUNT(want)][NAME];
@@ -417,7 +425,7 @@ static lg_status read_table(lg_frame *f, const lg_search_space *space, lg_trial 
     f->wants = FIXED + space->count + LG_TRIAL_REPORTS;
     for (size_t i = 0; i < f->wants; i++)
         want[i] = (lg_frame_want){
-            .name = name_of(space, i, made[i]), .as = LG_FRAME_CELL, .optional = i >= FIXED + space->count};
+            .name = name_of(search, i, made[i]), .as = LG_FRAME_CELL, .optional = i >= FIXED + space->count};
     LG_TRY(lg_frame_open(f, error));
     do {
         LG_TRY(lg_frame_next(f, BLOCK, error));
@@ -448,7 +456,7 @@ lg_status lg_trials_read(const lg_context *context, const char *path, const lg_s
     /* a table that was cut off within the names of its columns has no trials */
     const char *names = strchr(first, '\n') + 1, *end = first + got;
     if (end == first + sizeof first - 1 || memchr(names, '\n', (size_t)(end - names)) != NULL)
-        LG_TRY(read_table(&f, &search->space, made, room, &found, error));
+        LG_TRY(read_table(&f, search, made, room, &found, error));
     if (found > 0) memcpy(trials, made, found * sizeof *made);
     *count = found;
     return LG_OK;
