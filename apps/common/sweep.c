@@ -4,9 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "files/read_file.h"
 #include "nn/search.h"
-#include "settings/settings.h"
 
 /* The result of a trial as processes exchange it. */
 typedef struct posted {
@@ -25,7 +23,7 @@ static void warn(sweep *self, const posted *p) {
 /* Whether the trial has the values that the sampler gives it; true if they do not depend on --trials. */
 static bool is_planned(const sweep *self, const lg_trial *trial) {
     const lg_sampler *sampler = lg_search_sampler(self->options.sampler);
-    const lg_search_space *space = &self->file->space;
+    const lg_search_space *space = &self->table.search->space;
     double value[LG_RANGE_MAX];
     if (!sampler->planned) return true;
     (void)sampler->next(space, &self->options, trial->number, NULL, 0, value);
@@ -36,12 +34,12 @@ static bool take_trial(void *user, size_t item, void *record, bool done, bool ow
     sweep *self = user;
     posted *p = record;
     if (!own && (memchr(p->why, '\0', sizeof p->why) == NULL || p->trial.number != item ||
-                 !lg_trial_is_possible(&self->file->space, &p->trial) || !is_planned(self, &p->trial)))
+                 !lg_trial_is_possible(&self->table, &p->trial) || !is_planned(self, &p->trial)))
         return false;
     if (!own) (void)lg_tame(p->why);
     self->results[item] = p->trial;
     const bool task = self->work.values->task != NULL || self->work.child;
-    if (done && !task && p->trial.state == LG_TRIAL_FAILED) warn(self, p);
+    if (done && !task && self->table.columns == NULL && p->trial.state == LG_TRIAL_FAILED) warn(self, p);
     if (own)
         app_progress_show(&self->progress, trials_known(&self->work), "%s: objective %.3g", self->work.noun,
                           p->trial.objective);
@@ -61,8 +59,8 @@ static lg_status save(void *user, lg_error *error) {
     collect(self, self->work.count);
     if (self->written == self->count) return LG_OK;
     self->written = self->count;
-    return lg_trials_write(self->app->context, self->work.out, self->file, self->options.seed, self->setting,
-                           self->trials, self->count, error);
+    return lg_trial_table_write(&self->table, self->app->context, self->work.out, self->trials, self->count,
+                                error);
 }
 
 /* Sets *before to the trials from which trial `number` learns: all before it, but with J jobs not the J - 1
@@ -100,8 +98,8 @@ static lg_status do_trial(void *user, size_t item, void *record, lg_error *error
     const lg_search_problem problem = {self->run, self};
     posted *p = record;
     lg_error why = {LG_OK, ""};
-    lg_status status = lg_search_run_trial(&self->file->space, &self->options, &problem, known_before, item,
-                                           &p->trial, &why);
+    lg_status status = lg_search_run_trial(&self->table.search->space, &self->options, &problem, known_before,
+                                           item, &p->trial, &why);
     (void)snprintf(p->why, sizeof p->why, "%.*s", (int)sizeof p->why - 1, why.message);
     if (self->stopped) return lg_fail(error, LG_CANCELLED, "the search was stopped");
     const bool failed = status == LG_OK && p->trial.state == LG_TRIAL_FAILED;
@@ -109,28 +107,12 @@ static lg_status do_trial(void *user, size_t item, void *record, lg_error *error
     return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", why.message);
 }
 
-/* The number of the point of a grid all of whose values are levels. */
-static uint64_t point_of(const lg_search_space *space, const double *value) {
-    uint64_t number = 0;
-    for (const lg_range *range = space->ranges; range < space->ranges + space->count; range++, value++) {
-        const bool choice = range->kind == LG_RANGE_CHOICE;
-        number = number * (uint64_t)(choice ? range->choices : range->high - range->low + 1) +
-                 (uint64_t)(choice ? *value : *value - range->low);
-    }
-    return number;
-}
-
 /* Takes the trials of the table that no part has. */
 static lg_status read_table(sweep *self, lg_error *error) {
     const trials_work *work = &self->work;
-    char first;
-    size_t got;
-    if (lg_read_first(work->out, &first, 1, &got, NULL) == LG_OK && got == 0) return LG_OK;
-    const lg_status status = lg_trials_read(self->app->context, work->out, self->file, self->options.seed,
-                                            self->setting, work->count, self->trials, &self->count, error);
+    const lg_status status = lg_trial_table_read(&self->table, self->app->context, work->out, work->count,
+                                                 self->trials, &self->count, error);
     for (size_t i = 0; i < self->count && status == LG_OK; i++) {
-        if (self->file->by_values)
-            self->trials[i].number = point_of(&self->file->space, self->trials[i].value);
         const uint64_t number = self->trials[i].number;
         if (number >= work->count)
             return lg_fail(error, LG_INVALID_ARGUMENT,
@@ -146,14 +128,28 @@ static lg_status read_table(sweep *self, lg_error *error) {
         work->known[number] = true;
     }
     self->written = self->count;
-    if (self->count > 0) app_continue(work->out);
+    if (status == LG_OK) app_continue(work->out);
     return status == LG_NOT_FOUND ? LG_OK : status;
 }
+
+/* What an existing table of a search begins with, and a text with which no table begins. */
+#define LABEL   "# " LG_SEARCH_SEED
+#define FOREIGN "no table of trials"
 
 void sweep_choose(sweep *self, bool continues) {
     const app_path out = trials_choose(&self->work, NULL);
     self->continues = continues || trials_continues(&self->work);
     app_check_outputs(self->app, &out, 1);
+    if (!self->continues && !app_begins(self->work.out, LABEL, sizeof LABEL - 1, 1))
+        app_check_text(self->app, self->work.out, FOREIGN);
+}
+
+/* Checks that the file that the table replaces is one. Its whole label is a sure sign; a comment that begins as
+ * it does is not. */
+static void check_replaced(sweep *self) {
+    const lg_status found =
+        lg_trial_table_read(&self->table, self->app->context, self->work.out, 0, NULL, &self->count, NULL);
+    app_check_text(self->app, self->work.out, found == LG_FORMAT ? FOREIGN : LABEL);
 }
 
 bool sweep_run(sweep *self) {
@@ -167,12 +163,9 @@ bool sweep_run(sweep *self) {
     work->save = save;
     self->results = app_alloc(work->count, sizeof *self->results);
     self->trials = app_alloc(work->count, sizeof *self->trials);
-    /* The label of a table of trials is a sure sign; a comment that begins as it does is not. */
-    const lg_status found = lg_trials_read(host->context, work->out, self->file, self->options.seed,
-                                           self->setting, 0, NULL, &self->count, &error);
-    if (!self->continues)
-        app_check_text(host, work->out, found == LG_FORMAT ? "no table of trials" : "# " LG_SEARCH_SEED);
-    lg_search_label(self->file, self->options.seed, self->setting, self->label);
+    self->table.seed = self->options.seed;
+    if (!self->continues) check_replaced(self);
+    lg_search_label(self->table.search, self->table.seed, self->table.setting, self->label);
     app_must_file(host, trials_open(work, self->label, &error), &error, work->out);
     const lg_status status = self->continues ? read_table(self, &error) : LG_OK;
     if (status == LG_INVALID_ARGUMENT) app_must(host, status, &error);
@@ -190,5 +183,6 @@ bool sweep_run(sweep *self) {
 void sweep_close(sweep *self) {
     free(self->results);
     free(self->trials);
+    lg_text_destroy(&self->table.others.text);
     trials_close(&self->work);
 }

@@ -5,15 +5,14 @@
 #define LG_APPS_SWEEP_H
 
 #include "common/trials.h"
-#include "liegrad/settings.h"
+#include "settings/settings.h"
 
 typedef struct sweep {
-    /* The caller sets `app`, `file`, `options`, `setting`, `run` and of `work`: values, out, noun, resume,
-     * count (number of planned trials), threads, jobs and most. */
+    /* The caller sets `app`, `table` without its seed, `options`, `run` and of `work`: values, out, noun,
+     * resume, count (number of planned trials), threads, jobs and most. */
     app *app;
-    const lg_search_file *file; /* the settings that vary */
+    lg_trial_table table;
     lg_search_options options;
-    const char *setting; /* what the results depend on in addition to `file` and the seed */
     /* Runs a trial, as lg_search_problem. `user` is the sweep, so it is the first member of the caller's
      * structure. Called from work.threads threads. */
     lg_status (*run)(void *user, lg_search *session, lg_trial *trial, lg_error *error);
@@ -22,7 +21,7 @@ typedef struct sweep {
     trials_work work;
     /* The following members are set by sweep.c. */
     bool continues;              /* an existing table is continued */
-    char label[LG_SEARCH_LABEL]; /* of the table; ends with the hash of `setting` */
+    char label[LG_SEARCH_LABEL]; /* of the table; ends with the hash of its setting */
     lg_trial *results;           /* (work.count) by number, as the trials reported them */
     lg_trial *trials; /* (count) those that are done, stopped where one process would have stopped them */
     size_t count, written, before; /* written: how many the file has; before: how many earlier calls did */

@@ -30,6 +30,10 @@ static const char *const range_names[RANGES] = {"repeat",  "eps",      "N",     
 /* The results of a run; the first ones are reports of its trial. */
 enum { LOSS, E1, E2, REPORTS, SECONDS = REPORTS, MEASURES };
 static const char *const measure_names[MEASURES] = {"loss", "E1", "E2", "seconds"};
+static const char *const columns[] = {"integrator", "substeps", "N",        "M",  "eps", "penalty",
+                                      "repeat",     "seed",     "loss",     "E1", "E2",  "seconds",
+                                      "epochs",     "status",   "protocol", NULL};
+enum { PROTOCOL = 12 }; /* digits of the hash of the settings that are no column; every row has it */
 
 typedef struct study {
     sweep sweep; /* the first member */
@@ -46,7 +50,7 @@ static double value_of(const study *self, const double *at, int range) {
 }
 
 static const char *integrator_of(const study *self, const double *at) {
-    return self->grid.integrators[(size_t)at[INTEGRATOR]]->name;
+    return self->file.space.ranges[INTEGRATOR].choice[(size_t)at[INTEGRATOR]];
 }
 
 /* ---- the grid ---- */
@@ -74,27 +78,45 @@ static lg_text setting_of(const lg_grid *grid) {
     return text;
 }
 
+/* Adds a value to a range, unless it is there. */
+static void add_choice(study *self, const char *path, int at, const char *text, double value) {
+    lg_range *range = &self->file.space.ranges[at];
+    (void)snprintf(range->choice[range->choices], LG_RANGE_NAME, "%.*s", LG_RANGE_NAME - 1, text);
+    uint32_t i = 0;
+    while (strcmp(range->choice[i], text) != 0) i++;
+    if (i < range->choices)
+        app_note(self->sweep.app, "%s: %s: %s stands twice and counts once", path, range->name, text);
+    else
+        self->value[at][range->choices++] = value;
+}
+
 /* Makes the ranges of the sweep. */
 static void set_ranges(const app *host, const char *path, study *self) {
     const lg_grid *grid = &self->grid;
     lg_search_space *space = &self->file.space;
-    for (; space->count < RANGES; space->count++) {
-        lg_range *range = &space->ranges[space->count];
-        double *list = self->value[space->count];
-        *range = (lg_range){.kind = LG_RANGE_CHOICE, .choices = grid->integrator_count};
-        (void)snprintf(range->name, sizeof range->name, "%s", range_names[space->count]);
-        if (space->count != REPEAT && space->count != INTEGRATOR)
-            range->choices = lg_field_list(lg_field_find(lg_grid_keys, range->name), grid, list);
-        for (uint32_t i = 0; i < range->choices; i++)
-            if (space->count == INTEGRATOR)
-                (void)snprintf(range->choice[i], LG_RANGE_NAME, "%s", grid->integrators[i]->name);
-            else
-                lg_format_shortest(range->choice[i], list[i], false);
+    double list[LG_GRID_VALUES];
+    char text[LG_SHORTEST];
+    for (int at = 0; at < RANGES; at++) {
+        const lg_field *key = lg_field_find(lg_grid_keys, range_names[at]);
+        const uint32_t count = key != NULL ? lg_field_list(key, grid, list) : 0;
+        space->ranges[space->count++].kind = LG_RANGE_CHOICE;
+        (void)snprintf(space->ranges[at].name, LG_RANGE_NAME, "%s", range_names[at]);
+        for (uint32_t i = 0; i < count; i++) {
+            lg_format_shortest(text, list[i] + 0.0, false); /* -0 is 0 */
+            add_choice(self, path, at, text, list[i]);
+        }
     }
+    for (uint32_t i = 0; i < grid->integrator_count; i++)
+        add_choice(self, path, INTEGRATOR, grid->integrators[i]->name, 0);
     space->ranges[REPEAT].kind = LG_RANGE_INTEGER;
     space->ranges[REPEAT].low = 1;
     space->ranges[REPEAT].high = grid->repeats;
     APP_MUST_FILE(host, path, lg_search_space_check(space, &error));
+}
+
+/* Number of values of a range that is a list. */
+static size_t values_of(const study *self, int range) {
+    return self->file.space.ranges[range].choices;
 }
 
 static size_t cells_of(const study *self) {
@@ -126,34 +148,49 @@ static void read_grid(app *self, lg_grid *grid) {
     read_integral(self, path, &grid->run);
 }
 
+/* Seed number `kind`, 0 to 7, of a repeat. Weights, shuffling and starts depend only on it, so all runs of
+ * the same repeat share them. */
+enum { SEED_TRAIN, SEED_TEST, SEEDS = 8 };
+static uint64_t seed_of(const study *self, const double *at, uint64_t kind) {
+    lg_rng rng;
+    const double repeat = fmin(fmax(at[REPEAT], 0), UINT32_MAX); /* that of a table may be any number */
+    lg_rng_seed(&rng, self->grid.seed, (uint64_t)repeat * SEEDS + kind);
+    return lg_rng_next(&rng) >> 1;
+}
+
+/* Writes the seed of a run, or the protocol. */
+static void mark(const lg_trial_table *table, const lg_trial *trial, const char *column,
+                 char text[LG_RANGE_NAME]) {
+    const study *self = (const study *)((const char *)table - offsetof(study, sweep.table));
+    if (strcmp(column, "seed") == 0)
+        (void)snprintf(text, LG_RANGE_NAME, "%llu",
+                       (unsigned long long)seed_of(self, trial->value, SEED_TRAIN));
+    else
+        (void)snprintf(text, PROTOCOL + 1, "%s", strrchr(self->sweep.label, ' ') + 1);
+}
+
 /* Says what the runs of the grid are. */
 static void plan(study *self) {
     sweep *made = &self->sweep;
     set_ranges(made->app, made->app->arguments[0], self);
-    self->file.by_values = true;
-    memcpy(self->file.report_name, measure_names, REPORTS * sizeof *measure_names);
     made->work.count = self->grid.repeats;
-    for (int range = REPEAT + 1; range < RANGES; range++)
-        made->work.count *= self->file.space.ranges[range].choices;
+    for (int range = REPEAT + 1; range < RANGES; range++) made->work.count *= values_of(self, range);
     lg_search_options_init(&made->options);
     made->options.seed = self->grid.seed;
     made->options.rungs = 0;
     made->options.sampler = LG_SAMPLER_grid;
     made->options.trials = made->work.count;
     self->setting = setting_of(&self->grid);
-    made->setting = self->setting.data;
+    made->table = (lg_trial_table){.search = &self->file,
+                                   .setting = self->setting.data,
+                                   .what = "a study",
+                                   .columns = columns,
+                                   .report_names = measure_names,
+                                   .reports = REPORTS,
+                                   .mark = mark};
 }
 
 /* ---- one run ---- */
-
-/* Seed number `kind`, 0 to 7, of a repeat. Weights, shuffling and starts depend only on it, so all runs of
- * the same repeat share them. */
-enum { SEED_TRAIN, SEED_TEST, SEEDS = 8 };
-static uint64_t seed_of(const study *self, const double *at, uint64_t kind) {
-    lg_rng rng;
-    lg_rng_seed(&rng, self->grid.seed, (uint64_t)at[REPEAT] * SEEDS + kind);
-    return lg_rng_next(&rng) >> 1;
-}
 
 static lg_status train_and_judge(const app *self, lg_hamiltonian_run run, uint64_t threads,
                                  const lg_trajectories *data, const lg_trajectories *test, lg_trial *out,
@@ -207,7 +244,7 @@ static lg_status train_run(void *user, lg_search *session, lg_trial *trial, lg_e
     LG_TRY(sample_scene(context, &grid->scene, &training, &data, error));
     LG_TRY(sample_scene(context, &grid->scene, &testing, &test, error));
     lg_hamiltonian_run run = grid->run;
-    run.scheme = grid->integrators[(size_t)at[INTEGRATOR]];
+    run.scheme = lg_scheme_find(integrator_of(self, at));
     run.substeps = (uint32_t)value_of(self, at, SUBSTEPS);
     run.penalty = value_of(self, at, PENALTY);
     run.training.seed = training.seed;
@@ -297,7 +334,7 @@ static void put_row(app_json *out, const study *self, const double *at, unsigned
 
 /* Writes the best combinations in rising order of the geometric mean of E1. */
 static void put_best(app_json *out, const char *name, const study *self, noise_levels noise) {
-    const size_t all = cells_of(self) / self->grid.eps.count;
+    const size_t all = cells_of(self) / values_of(self, EPS);
     APP_FREE combination *list = app_alloc(all, sizeof *list);
     size_t n = 0;
     for (size_t i = 0; i < all; i++) {
@@ -319,12 +356,14 @@ static void put_best(app_json *out, const char *name, const study *self, noise_l
 
 static void report(const study *self, double seconds) {
     const sweep *done = &self->sweep;
-    const size_t integrators = self->grid.integrator_count, substeps = self->grid.substeps.count;
+    const size_t integrators = values_of(self, INTEGRATOR), substeps = values_of(self, SUBSTEPS);
     app_json *out = done->app->out;
+    char protocol[LG_RANGE_NAME];
     double at[RANGES];
+    mark(&done->table, NULL, "protocol", protocol);
     APP_PUT(out, LG_WHOLE("planned", done->work.count, "runs of the grid"),
-            LG_WHOLE("done", done->count, "runs of the table"), LG_WHOLE("new", done->work.fresh, NULL),
-            LG_AS_TEXT("protocol", strrchr(done->label, ' ') + 1));
+            LG_WHOLE("done", done->count + done->table.other_rows, "runs of the table"),
+            LG_WHOLE("new", done->work.fresh, NULL), LG_AS_TEXT("protocol", protocol));
     app_result_line(out, "\nMedians over the repeats");
     app_result_rows(out, "medians");
     for (size_t i = 0; i < cells_of(self); i++) {
@@ -357,7 +396,7 @@ static void put_block(app_plot *plot, const study *self, size_t i, size_t m) {
         set_values(self, cell, at);
         if (at[INTEGRATOR] != (double)i || at[M] != (double)m || at[SUBSTEPS] != 0) continue;
         app_plot_gap(plot);
-        for (; at[SUBSTEPS] < (double)self->grid.substeps.count; at[SUBSTEPS]++) {
+        for (; at[SUBSTEPS] < (double)values_of(self, SUBSTEPS); at[SUBSTEPS]++) {
             const summary s = summarise(self, at, CELL, ANY_NOISE);
             if (s.runs > s.failed)
                 APP_PLOT_ROW(plot, 9, s.median[SECONDS], s.median[E1], value_of(self, at, SUBSTEPS));
@@ -368,9 +407,10 @@ static void put_block(app_plot *plot, const study *self, size_t i, size_t m) {
 
 static void put_study(app_plot *plot, const void *user) {
     const study *self = user;
-    const size_t integrators = self->grid.integrator_count, points = self->grid.m.count;
-    app_plot_text(plot, "%d\t%zu\t%zu", self->grid.substeps.count > 1, integrators, points);
-    for (size_t i = 0; i < integrators; i++) app_plot_text(plot, "%s", self->grid.integrators[i]->name);
+    const size_t integrators = values_of(self, INTEGRATOR), points = values_of(self, M);
+    app_plot_text(plot, "%d\t%zu\t%zu", values_of(self, SUBSTEPS) > 1, integrators, points);
+    for (size_t i = 0; i < integrators; i++)
+        app_plot_text(plot, "%s", self->file.space.ranges[INTEGRATOR].choice[i]);
     for (size_t m = 0; m < points; m++) app_plot_text(plot, "M = %.17g", self->value[M][m]);
     for (size_t i = 0; i < integrators; i++)
         for (size_t m = 0; m < points; m++) put_block(plot, self, i, m);
@@ -399,7 +439,6 @@ static void run(app *host) {
                                      .threads = jobs,
                                      .most = values.stop_after}},
                   .threads_each = host->threads / jobs > 0 ? host->threads / jobs : 1};
-    self.sweep.file = &self.file;
     sweep_choose(&self.sweep, true);
     read_grid(host, &self.grid);
     plan(&self);
@@ -413,13 +452,12 @@ const app_command hamiltonian_study_command = {
     .arguments = "GRID.yaml",
     .summary = "Train over a grid of integrators, N, M, noise and repeats",
     .details =
-        "The table has one row for each run: repeat, eps, N, M, penalty, substeps, integrator, loss (mean "
-        "squared error at the end), E1, E2, epochs, seconds of training. It is written as runs end; the same "
-        "command continues after Ctrl-C or a crash, and a grid with more values continues the table of a "
-        "smaller one. Runs of one repeat share initial weights, starts, noise and test trajectories. The "
-        "command prints medians over the repeats of each cell and geometric means over all runs of an "
-        "integrator. The default seed is the grid's; other keys that it lacks have the values of train "
-        "--preset thesis.",
+        "The table has one row for each run: integrator, substeps, N, M, eps, penalty, repeat, seed, "
+        "loss (mean squared error at the end), E1, E2, seconds of training, epochs. The table is "
+        "written as runs end; the same command continues after Ctrl-C or a crash. Runs of one repeat share "
+        "initial weights, starts, noise and test trajectories. The command prints medians over the "
+        "repeats of each cell and geometric means over all runs of an integrator. The default seed is "
+        "the grid's; other keys that it lacks have the values of train --preset thesis.",
     .settings = APP_SETTINGS(APP_GIVEN(study_options, values)),
     APP_DRAWS("median E1 against training time", "training_time", put_study),
     .run = run,

@@ -241,7 +241,7 @@ typedef struct lg_trial {
     uint64_t number; /* number of the trial: 0, 1, ... */
     lg_trial_state state;
     double objective; /* to be minimised. The last reported one if the trial was pruned; NaN if it failed */
-    double seconds;   /* wall time; the search sets it if the trial has not done so */
+    double seconds;   /* wall time, set by the search */
     uint64_t parameters, epochs;     /* number of parameters of the model; epochs done */
     double value[LG_RANGE_MAX];      /* drawn value of each range */
     uint32_t reports;                /* number of rungs reached */
@@ -339,12 +339,6 @@ typedef struct lg_search_file {
     char fixed_value[LG_RANGE_MAX][LG_SEARCH_FIXED_TEXT];
     /* Lines of the file on which the ranges and the fixed options stand, for messages of the caller. */
     uint32_t line[LG_RANGE_MAX], fixed_line[LG_RANGE_MAX];
-    /* The following members are for the table of trials; lg_search_file_read sets them to 0. The names of the
-     * columns of a trial's reports; NULL: rung1, rung2, ... */
-    const char *report_name[LG_TRIAL_REPORTS];
-    /* The table may have trials of ranges with the same names and other bounds or choices, if all of their
-     * values are in the ranges. Their numbers then mean nothing. */
-    bool by_values;
 } lg_search_file;
 /* Reads the YAML (or JSON) file of a search (docs/files.md). Errors, with the line: LG_FORMAT also for a
  * space that lg_search_space_check refuses, a name that occurs twice (also as a fixed option and a range),

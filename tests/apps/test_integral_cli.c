@@ -288,7 +288,7 @@ TEST("a study finds the file from the grid's folder, and continues only with the
     cli_json(lg, "study other/grid.yaml --out s.csv --jobs 1", "done 2, new 1");
     shell("cut -d, -f10 s.csv | sort -u | wc -l | grep -q '^ *3$'"); /* the loss of both rows, and the head */
     save_of(height, "other/G.h5");
-    cli_expect(lg, "study other/grid.yaml --out s.csv", 2, "other fixed options or settings");
+    cli_expect(lg, "study other/grid.yaml --out s.csv", 3, "other settings");
     shell("rm -r other");
     save(&good, "G.h5");
 }

@@ -181,7 +181,7 @@ static const refusal hamiltonian[] = {
     {"predict model.h5 start.yaml --out nowhere/p.h5", 3, "nowhere/p.h5"},
     {"study {missing.yaml scene.yaml} --out s.csv", 3, "%"},
     {"study grid.yaml --out nowhere/s.csv", 3, "nowhere/s.csv"},
-    {"study grid.yaml --out scene.yaml", 3, "this is no table of trials"},
+    {"study grid.yaml --out scene.yaml", 3, "not the table of a study"},
     {"study grid.yaml --out s.csv {--plot=s.jpg --jobs=0}", 2, NULL},
     {"study grid.yaml --out s.csv --plot nowhere/s.svg", 3, "nowhere/s.svg"},
     {"demo --out scene.yaml", 3, "scene.yaml"},

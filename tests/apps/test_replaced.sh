@@ -158,7 +158,7 @@ onto_table() {
     shift
     cp "$name" $made
     case $(head -c 1 $made) in '#') onto_foreign "$name" "$work/in/seed.csv" "$@" && return ;; esac
-    head -1 $made >$mine && onto_foreign "$name" $mine "$@"
+    case $2 in study) ;; *) head -1 $made >$mine && onto_foreign "$name" $mine "$@" ;; esac # a study continues its first line
     (head -1 $made && head -1 $made | sed 's/[^,]\+/1/g') >$mine && onto_foreign "$name" $mine "$@"
     (cat $made && echo mine) >$mine && onto_foreign "$name" $mine "$@"
 }

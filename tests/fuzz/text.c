@@ -5,7 +5,6 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "common/app.h"
 #include "control/policy.h"
 #include "files/csv.h"
 #include "files/frame.h"
@@ -18,6 +17,7 @@
 #include "liegrad/mechanics.h"
 #include "liegrad/settings.h"
 #include "liegrad/table.h"
+#include "settings/settings.h"
 #include "table/files/recipe.h"
 #include "nn/search.h"
 
@@ -140,20 +140,23 @@ void fuzz_task(const uint8_t *data, size_t size) {
 
 /* ---- tables of searches and studies, which commands resume ---- */
 
-static void read_trials(const lg_search_file *search, const uint8_t *data, size_t size) {
-    enum { ROOM = 64 };
-    static lg_trial trials[ROOM];
+enum { TRIALS = 64 };
+
+static void read_trials(lg_trial_table *table, const char *head, const uint8_t *data, size_t size) {
+    static lg_trial trials[TRIALS];
     lg_error error = {LG_OK, ""};
     size_t count = 0;
-    char text[LG_SEARCH_LABEL + 1024 + 4], label[LG_SEARCH_LABEL];
-    lg_search_label(search, 1, NULL, label); /* a fuzzer does not guess its hashes */
-    const int head = snprintf(text, sizeof text, "# %s\n", label);
-    const size_t length = size < 1024 ? size : 1024;
-    memcpy(text + head, data, length);
-    const char *path = fuzz_file(text, (size_t)head + length);
-    const lg_status status = lg_trials_read(NULL, path, search, 1, NULL, ROOM, trials, &count, &error);
+    char text[LG_SEARCH_LABEL + 1024 + 4];
+    const size_t before = strlen(head), length = size < 1024 ? size : 1024;
+    memcpy(text, head, before);
+    memcpy(text + before, data, length);
+    const char *path = fuzz_file(text, before + length);
+    const lg_status status = lg_trial_table_read(table, NULL, path, TRIALS, trials, &count, &error);
     fuzz_status(status, &error);
-    if (status == LG_OK && count > ROOM) abort();
+    if (status == LG_OK && count > TRIALS) abort();
+    for (size_t i = 0; status == LG_OK && i < count; i++)
+        if (!lg_trial_is_possible(table, &trials[i])) abort();
+    lg_text_destroy(&table->others.text);
 }
 
 void fuzz_trials(const uint8_t *data, size_t size) {
@@ -162,18 +165,40 @@ void fuzz_trials(const uint8_t *data, size_t size) {
                   {{.name = "lr", .kind = LG_RANGE_LOG_UNIFORM, .low = 1e-4, .high = 1},
                    {.name = "layers", .kind = LG_RANGE_INTEGER, .low = 0, .high = 4},
                    {.name = "kind", .kind = LG_RANGE_CHOICE, .choices = 2, .choice = {"mlp", "resnet"}}}}};
-    read_trials(&search, data, size);
+    lg_trial_table table = {.search = &search, .seed = 1};
+    char label[LG_SEARCH_LABEL], head[LG_SEARCH_LABEL + 4];
+    lg_search_label(&search, 1, NULL, label); /* a fuzzer does not guess its hashes */
+    (void)snprintf(head, sizeof head, "# %s\n", label);
+    read_trials(&table, head, data, size);
+}
+
+static void mark(const lg_trial_table *table, const lg_trial *trial, const char *column,
+                 char text[LG_RANGE_NAME]) {
+    (void)snprintf(text, LG_RANGE_NAME, "%s", strcmp(column, "seed") == 0 ? "1" : "93850b707585");
 }
 
 void fuzz_study(const uint8_t *data, size_t size) {
+    static const char *const columns[] = {"integrator", "substeps", "N",        "M",  "eps", "penalty",
+                                          "repeat",     "seed",     "loss",     "E1", "E2",  "seconds",
+                                          "epochs",     "status",   "protocol", NULL};
+    static const char *const reports[] = {"loss", "E1", "E2"};
     static const lg_search_file study = {
-        .space = {3,
-                  {{.name = "repeat", .kind = LG_RANGE_INTEGER, .low = 1, .high = 2},
-                   {.name = "N", .kind = LG_RANGE_CHOICE, .choices = 2, .choice = {"10", "20.5"}},
-                   {.name = "integrator", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"cf4"}}}},
-        .report_name = {"loss", "E1", "E2"},
-        .by_values = true};
-    read_trials(&study, data, size);
+        .space = {
+            7,
+            {{.name = "repeat", .kind = LG_RANGE_INTEGER, .low = 1, .high = 2},
+             {.name = "eps", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"2"}},
+             {.name = "N", .kind = LG_RANGE_CHOICE, .choices = 2, .choice = {"10", "20.5"}},
+             {.name = "M", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"1"}},
+             {.name = "penalty", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"3"}},
+             {.name = "substeps", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"0"}},
+             {.name = "integrator", .kind = LG_RANGE_CHOICE, .choices = 2, .choice = {"cf4", "euler"}}}}};
+    lg_trial_table table = {.search = &study,
+                            .what = "a study",
+                            .columns = columns,
+                            .report_names = reports,
+                            .reports = LG_COUNT(reports),
+                            .mark = mark};
+    read_trials(&table, "", data, size);
 }
 
 /* ---- tables and logs ---- */
