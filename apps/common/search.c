@@ -82,12 +82,12 @@ static lg_status virtual_set(app *v, const train_task *task, const char *name, c
 }
 
 static size_t entries(const searching *search) {
-    return search->sweep.table.search->fixed_count + search->sweep.table.search->space.count;
+    return search->sweep.file->fixed_count + search->sweep.file->space.count;
 }
 
 /* The name of option i of the file, of which the fixed ones come first. Its line goes to search->line. */
 static const char *entry(searching *search, size_t i) {
-    const lg_search_file *file = search->sweep.table.search;
+    const lg_search_file *file = search->sweep.file;
     const bool fixed = i < file->fixed_count;
     const size_t range = i - file->fixed_count;
     search->line = fixed ? file->fixed_line[i] : file->line[range];
@@ -98,9 +98,9 @@ enum { NUMBER = 32 };
 
 /* The text of option i; `value` is that of a range, the index of a choice. */
 static const char *value_text(const searching *search, size_t i, double value, char number[NUMBER]) {
-    if (i < search->sweep.table.search->fixed_count) return search->sweep.table.search->fixed_value[i];
-    const lg_range *range =
-        &search->sweep.table.search->space.ranges[i - search->sweep.table.search->fixed_count];
+    const lg_search_file *file = search->sweep.file;
+    if (i < file->fixed_count) return file->fixed_value[i];
+    const lg_range *range = &file->space.ranges[i - file->fixed_count];
     if (range->kind == LG_RANGE_CHOICE) return range->choice[(size_t)value];
     (void)snprintf(number, NUMBER, "%.17g", value);
     return number;
@@ -113,8 +113,7 @@ static lg_status set_entry(searching *search, app *v, size_t i, double value, lg
 
 /* Checks that train accepts the bounds of a range, a number between them, and every choice. */
 static lg_status check_range(searching *search, app *v, size_t i, lg_error *error) {
-    const lg_range *range =
-        &search->sweep.table.search->space.ranges[i - search->sweep.table.search->fixed_count];
+    const lg_range *range = &search->sweep.file->space.ranges[i - search->sweep.file->fixed_count];
     const bool choice = range->kind == LG_RANGE_CHOICE;
     const double between = range->low + 0.381966 * (range->high - range->low);
     const double probes[] = {range->low, range->high, range->kind == LG_RANGE_INTEGER ? range->low : between};
@@ -125,7 +124,7 @@ static lg_status check_range(searching *search, app *v, size_t i, lg_error *erro
 
 /* Sets the fixed options and the drawn values; `drawn` NULL: only checks the ranges. */
 static lg_status set_all(searching *search, app *v, const double *drawn, lg_error *error) {
-    const size_t fixed = search->sweep.table.search->fixed_count;
+    const size_t fixed = search->sweep.file->fixed_count;
     for (size_t i = 0; i < fixed; i++) LG_TRY(set_entry(search, v, i, 0, error));
     for (size_t i = fixed; i < entries(search); i++)
         LG_TRY(drawn == NULL ? check_range(search, v, i, error)
@@ -162,7 +161,7 @@ static void mark_read(searching *search, app *v, bool *read) {
 /* Checks the candidates of a search: the combinations of all choices, at most MOST_CHECKED of them. An option
  * that none of them reads is rejected. */
 static lg_status check_candidates(searching *search, lg_error *error) {
-    const lg_search_space *space = &search->sweep.table.search->space;
+    const lg_search_space *space = &search->sweep.file->space;
     const lg_range *range = space->ranges;
     double drawn[LG_RANGE_MAX];
     bool read[2 * LG_RANGE_MAX] = {false};
@@ -294,11 +293,12 @@ static void put_trial(app_json *json, const lg_search_space *space, const char *
             LG_AS_REAL("objective", trial->objective), LG_AS_WHOLE("parameters", trial->parameters),
             LG_AS_WHOLE("epochs", trial->epochs), LG_AS_REAL("seconds", trial->seconds));
     app_json_open(json, "values", '{');
-    for (size_t i = 0; i < space->count; i++)
-        if (space->ranges[i].kind == LG_RANGE_CHOICE)
-            app_json_text(json, space->ranges[i].name, space->ranges[i].choice[(size_t)trial->value[i]]);
+    const double *value = trial->value;
+    for (const lg_range *range = space->ranges; range < space->ranges + space->count; range++, value++)
+        if (range->kind == LG_RANGE_CHOICE)
+            app_json_text(json, range->name, range->choice[(size_t)*value]);
         else
-            app_json_real(json, space->ranges[i].name, trial->value[i]);
+            app_json_real(json, range->name, *value);
     app_json_close(json, '}');
     app_json_close(json, '}');
 }
@@ -310,7 +310,7 @@ static void print_trials(const sweep *self) {
     qsort(order, self->count, sizeof *order, by_objective);
     app_result_rows(out, NULL);
     for (size_t i = 0; i < self->count && i < SHOWN_TRIALS; i++)
-        put_trial(out, &self->table.search->space, NULL, order[i]);
+        put_trial(out, &self->file->space, NULL, order[i]);
     app_result_rows_end(out);
 }
 
@@ -334,7 +334,7 @@ static void print_given(const app *self, FILE *out) {
 static void print_best(searching *search, size_t best) {
     const lg_trial *trial = &search->sweep.trials[best];
     const app *self = search->sweep.app;
-    const size_t fixed = search->sweep.table.search->fixed_count;
+    const size_t fixed = search->sweep.file->fixed_count;
     FILE *out = self->out->stream;
     app v = virtual_begin(search);
     lg_error ignored;
@@ -372,7 +372,7 @@ static void report(searching *search, double seconds) {
     for (int i = 0; i < LG_TRIAL_STATE_COUNT; i++)
         app_json_size(json, lg_trial_state_name((lg_trial_state)i), states[i]);
     if (best < self->count && self->app->json)
-        put_trial(json, &self->table.search->space, "best", &self->trials[best]);
+        put_trial(json, &self->file->space, "best", &self->trials[best]);
     if (best < self->count && !self->app->json) print_best(search, best);
     APP_PUT(json, LG_AS_WHOLE("seed", self->app->seed), LG_AS_WHOLE("threads", self->app->threads),
             LG_AS_TEXT("out", search_given.out), LG_AS_REAL("seconds", seconds));
@@ -432,7 +432,7 @@ static void plan(sweep *self) {
     const uint64_t planned = search_given.trials;
     double levels[LG_RANGE_MAX];
     if (sampler->points == NULL) return;
-    const double points = sampler->points(&self->table.search->space, planned, levels);
+    const double points = sampler->points(&self->file->space, planned, levels);
     if (points < (double)planned) self->work.count = search_given.trials = (size_t)points;
     if (points != (double)planned)
         app_note(self->app, "the grid has %.0f points, and %zu trials are made", points, self->work.count);
@@ -442,7 +442,7 @@ void search_main(app *self, const app_command *train, train_task *task) {
     const char *ranges = self->arguments[0];
     APP_FREE lg_search_file *file = app_alloc(1, sizeof *file);
     searching search = {.sweep = {.app = self,
-                                  .table = {.search = file},
+                                  .file = file,
                                   .run = run_trial,
                                   .work = {.app = self,
                                            .values = &search_given.shared,
@@ -465,7 +465,7 @@ void search_main(app *self, const app_command *train, train_task *task) {
         app_format("data %s validation %.17g rungs %u warm-up %u quantile %.17g", task->training.sha256,
                    search_given.validation, search.sweep.options.rungs, search.sweep.options.warm_up,
                    search.sweep.options.quantile);
-    search.sweep.table.setting = setting;
+    search.sweep.setting = setting;
     const double begin = app_seconds();
     if (sweep_run(&search.sweep)) {
         app_plot_draw(self, 0, &search.sweep);

@@ -8,11 +8,12 @@
 #include "settings/settings.h"
 
 typedef struct sweep {
-    /* The caller sets `app`, `table` without its seed, `options`, `run` and of `work`: values, out, noun,
-     * resume, count (number of planned trials), threads, jobs and most. */
+    /* The caller sets `app`, `file`, `options`, `setting`, `run` and of `work`: values, out, noun, resume,
+     * count (number of planned trials), threads, jobs and most. */
     app *app;
-    lg_trial_table table;
+    const lg_search_file *file; /* the settings that vary */
     lg_search_options options;
+    const char *setting; /* what the results depend on in addition to `file` and the seed */
     /* Runs a trial, as lg_search_problem. `user` is the sweep, so it is the first member of the caller's
      * structure. Called from work.threads threads. */
     lg_status (*run)(void *user, lg_search *session, lg_trial *trial, lg_error *error);
@@ -21,7 +22,7 @@ typedef struct sweep {
     trials_work work;
     /* The following members are set by sweep.c. */
     bool continues;              /* an existing table is continued */
-    char label[LG_SEARCH_LABEL]; /* of the table; ends with the hash of its setting */
+    char label[LG_SEARCH_LABEL]; /* of the table; ends with the hash of `setting` */
     lg_trial *results;           /* (work.count) by number, as the trials reported them */
     lg_trial *trials; /* (count) those that are done, stopped where one process would have stopped them */
     size_t count, written, before; /* written: how many the file has; before: how many earlier calls did */

@@ -33,20 +33,21 @@ static const char *const measure_names[MEASURES] = {"loss", "E1", "E2", "seconds
 static const char *const columns[] = {"integrator", "substeps", "N",        "M",  "eps", "penalty",
                                       "repeat",     "seed",     "loss",     "E1", "E2",  "seconds",
                                       "epochs",     "status",   "protocol", NULL};
-enum { PROTOCOL = 12 }; /* digits of the hash of the settings that are no column; every row has it */
 
 typedef struct study {
     sweep sweep; /* the first member */
     lg_grid grid;
     lg_search_file file;
+    lg_trial_layout layout;
     lg_text setting;
-    double value[RANGES][LG_GRID_VALUES]; /* of the ranges but for REPEAT and INTEGRATOR */
     uint64_t threads_each;
 } study;
 
-/* `at`: the values of a trial. */
+/* `at`: the values of a trial. The range is a list of numbers. */
 static double value_of(const study *self, const double *at, int range) {
-    return self->value[range][(size_t)at[range]];
+    double value = 0;
+    (void)lg_number_parse(self->file.space.ranges[range].choice[(size_t)at[range]], &value);
+    return value;
 }
 
 static const char *integrator_of(const study *self, const double *at) {
@@ -79,39 +80,37 @@ static lg_text setting_of(const lg_grid *grid) {
 }
 
 /* Adds a value to a range, unless it is there. */
-static void add_choice(study *self, const char *path, int at, const char *text, double value) {
-    lg_range *range = &self->file.space.ranges[at];
+static void add_value(const study *self, lg_range *range, const char *text) {
     (void)snprintf(range->choice[range->choices], LG_RANGE_NAME, "%.*s", LG_RANGE_NAME - 1, text);
     uint32_t i = 0;
     while (strcmp(range->choice[i], text) != 0) i++;
     if (i < range->choices)
-        app_note(self->sweep.app, "%s: %s: %s stands twice and counts once", path, range->name, text);
+        app_note(self->sweep.app, "%s: %s stands twice and counts once", range->name, text);
     else
-        self->value[at][range->choices++] = value;
+        range->high = range->choices++;
 }
 
 /* Makes the ranges of the sweep. */
-static void set_ranges(const app *host, const char *path, study *self) {
+static void set_ranges(study *self) {
     const lg_grid *grid = &self->grid;
     lg_search_space *space = &self->file.space;
     double list[LG_GRID_VALUES];
     char text[LG_SHORTEST];
+    space->count = RANGES;
+    space->ranges[REPEAT] = (lg_range){.low = 1, .high = grid->repeats};
     for (int at = 0; at < RANGES; at++) {
+        lg_range *range = &space->ranges[at];
         const lg_field *key = lg_field_find(lg_grid_keys, range_names[at]);
         const uint32_t count = key != NULL ? lg_field_list(key, grid, list) : 0;
-        space->ranges[space->count++].kind = LG_RANGE_CHOICE;
-        (void)snprintf(space->ranges[at].name, LG_RANGE_NAME, "%s", range_names[at]);
+        range->kind = at == REPEAT ? LG_RANGE_INTEGER : LG_RANGE_CHOICE;
+        (void)snprintf(range->name, LG_RANGE_NAME, "%s", range_names[at]);
         for (uint32_t i = 0; i < count; i++) {
             lg_format_shortest(text, list[i] + 0.0, false); /* -0 is 0 */
-            add_choice(self, path, at, text, list[i]);
+            add_value(self, range, text);
         }
     }
     for (uint32_t i = 0; i < grid->integrator_count; i++)
-        add_choice(self, path, INTEGRATOR, grid->integrators[i]->name, 0);
-    space->ranges[REPEAT].kind = LG_RANGE_INTEGER;
-    space->ranges[REPEAT].low = 1;
-    space->ranges[REPEAT].high = grid->repeats;
-    APP_MUST_FILE(host, path, lg_search_space_check(space, &error));
+        add_value(self, &space->ranges[INTEGRATOR], grid->integrators[i]->name);
 }
 
 /* Number of values of a range that is a list. */
@@ -125,7 +124,8 @@ static size_t cells_of(const study *self) {
 
 /* Sets the values of a run; those of run i, with i below the number of cells, are of cell i. */
 static void set_values(const study *self, size_t run, double at[RANGES]) {
-    (void)lg_search_sampler(LG_SAMPLER_grid)->next(&self->file.space, &self->sweep.options, run, NULL, 0, at);
+    (void)lg_search_sampler(self->sweep.options.sampler)
+        ->next(&self->file.space, &self->sweep.options, run, NULL, 0, at);
 }
 
 /* Loads the file of the penalty's first integral once, for its hash. */
@@ -158,36 +158,33 @@ static uint64_t seed_of(const study *self, const double *at, uint64_t kind) {
     return lg_rng_next(&rng) >> 1;
 }
 
-/* Writes the seed of a run, or the protocol. */
-static void mark(const lg_trial_table *table, const lg_trial *trial, const char *column,
+/* Writes the seed of a run, or the protocol, a hash of all settings that are no columns. */
+static void mark(const lg_trial_layout *layout, const lg_trial *trial, const char *column,
                  char text[LG_RANGE_NAME]) {
-    const study *self = (const study *)((const char *)table - offsetof(study, sweep.table));
+    const study *self = (const study *)((const char *)layout - offsetof(study, layout));
     if (strcmp(column, "seed") == 0)
         (void)snprintf(text, LG_RANGE_NAME, "%llu",
                        (unsigned long long)seed_of(self, trial->value, SEED_TRAIN));
     else
-        (void)snprintf(text, PROTOCOL + 1, "%s", strrchr(self->sweep.label, ' ') + 1);
+        (void)snprintf(text, LG_RANGE_NAME, "%.12s", strrchr(self->sweep.label, ' ') + 1);
 }
 
 /* Says what the runs of the grid are. */
 static void plan(study *self) {
     sweep *made = &self->sweep;
-    set_ranges(made->app, made->app->arguments[0], self);
+    set_ranges(self);
     made->work.count = self->grid.repeats;
     for (int range = REPEAT + 1; range < RANGES; range++) made->work.count *= values_of(self, range);
     lg_search_options_init(&made->options);
     made->options.seed = self->grid.seed;
     made->options.rungs = 0;
-    made->options.sampler = LG_SAMPLER_grid;
+    while (strcmp(lg_search_sampler_name(made->options.sampler), "grid") != 0) made->options.sampler++;
     made->options.trials = made->work.count;
     self->setting = setting_of(&self->grid);
-    made->table = (lg_trial_table){.search = &self->file,
-                                   .setting = self->setting.data,
-                                   .what = "a study",
-                                   .columns = columns,
-                                   .report_names = measure_names,
-                                   .reports = REPORTS,
-                                   .mark = mark};
+    made->file = &self->file;
+    made->setting = self->setting.data;
+    self->file.layout = &self->layout;
+    self->layout = (lg_trial_layout){"a study", columns, measure_names, REPORTS, mark, {.open = false}, 0};
 }
 
 /* ---- one run ---- */
@@ -275,11 +272,10 @@ enum {
 
 static bool is_chosen(const study *self, const lg_trial *run, const double *at, unsigned ranges,
                       noise_levels noise) {
-    const bool noisy = value_of(self, run->value, EPS) > 0;
-    bool same = noise == ANY_NOISE || noisy == (noise == WITH);
+    bool same = true;
     for (int range = 0; range < RANGES; range++)
         same = same && ((ranges >> range & 1) == 0 || run->value[range] == at[range]);
-    return same;
+    return same && (noise == ANY_NOISE || (value_of(self, run->value, EPS) > 0) == (noise == WITH));
 }
 
 /* Summarises the runs that have the values `at` on these ranges (a bit for each), and such noise. */
@@ -360,9 +356,9 @@ static void report(const study *self, double seconds) {
     app_json *out = done->app->out;
     char protocol[LG_RANGE_NAME];
     double at[RANGES];
-    mark(&done->table, NULL, "protocol", protocol);
+    mark(&self->layout, NULL, "protocol", protocol);
     APP_PUT(out, LG_WHOLE("planned", done->work.count, "runs of the grid"),
-            LG_WHOLE("done", done->count + done->table.other_rows, "runs of the table"),
+            LG_WHOLE("done", done->count + self->layout.other_rows, "runs of the table"),
             LG_WHOLE("new", done->work.fresh, NULL), LG_AS_TEXT("protocol", protocol));
     app_result_line(out, "\nMedians over the repeats");
     app_result_rows(out, "medians");
@@ -411,7 +407,7 @@ static void put_study(app_plot *plot, const void *user) {
     app_plot_text(plot, "%d\t%zu\t%zu", values_of(self, SUBSTEPS) > 1, integrators, points);
     for (size_t i = 0; i < integrators; i++)
         app_plot_text(plot, "%s", self->file.space.ranges[INTEGRATOR].choice[i]);
-    for (size_t m = 0; m < points; m++) app_plot_text(plot, "M = %.17g", self->value[M][m]);
+    for (size_t m = 0; m < points; m++) app_plot_text(plot, "M = %s", self->file.space.ranges[M].choice[m]);
     for (size_t i = 0; i < integrators; i++)
         for (size_t m = 0; m < points; m++) put_block(plot, self, i, m);
 }
@@ -421,6 +417,7 @@ static void put_study(app_plot *plot, const void *user) {
 static void study_end(study *self) {
     sweep_close(&self->sweep);
     lg_text_destroy(&self->setting);
+    lg_text_destroy(&self->layout.others.text);
     lg_grid_destroy(&self->grid);
 }
 

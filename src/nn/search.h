@@ -11,10 +11,6 @@
     X(grid, "the trials are all combinations of the choices, of up to 16 integers, and of evenly spaced "    \
             "values, as many as --trials allows")
 
-/* The numbers of the samplers: LG_SAMPLER_random, ... */
-#define LG_SAMPLER_NUMBER(name, sentence) LG_SAMPLER_##name,
-enum { LG_SAMPLERS(LG_SAMPLER_NUMBER) LG_SAMPLER_COUNT };
-
 /* A sampler chooses the values of the next trial: a file sampler_NAME.c with a constant lg_sampler_NAME, and
  * a row of LG_SAMPLERS. */
 typedef struct lg_sampler {

@@ -12,37 +12,25 @@ void lg_field_fill(const lg_field *row, const double *values, uint32_t count, vo
 /* Finds the value with this name. no and false are the same name, and so are yes and true. */
 bool lg_field_find_name(const lg_field *row, const char *text, uint32_t *value);
 
-/* A table of trials in CSV: what is in it, and how it is written. */
-typedef struct lg_trial_table {
-    const lg_search_file *search;
-    uint64_t seed;
-    const char *setting; /* as for lg_trials_write */
-    /* The following members are 0 for the table of a search. Another table has the columns that it names (a
-     * list that ends with NULL) and no line before them. `what` says whose trials these are ("a study"). */
-    const char *what;
-    const char *const *columns;
-    /* Names of a trial's reports. A row of a trial that is done and lacks one counts as not done. */
+/* The layout of a table of trials that is not of a search. It has no line before the names of its columns. */
+typedef struct lg_trial_layout {
+    const char *what;           /* whose trials these are, in messages: "a study" */
+    const char *const *columns; /* names, ended by NULL: ranges, reports, fields of a trial, and marks */
     const char *const *report_names;
-    uint32_t reports;
-    /* Writes the text of a column that is neither a range nor a report nor a field of a trial. Such columns say
-     * which work a row belongs to, and a row with another text is rejected. Of the trial only the values are
-     * known, and one that is outside its range may be any number. */
-    void (*mark)(const struct lg_trial_table *table, const lg_trial *trial, const char *column,
+    uint32_t reports; /* number of reports of a trial that is done; a row that lacks one counts as not done */
+    /* Writes the text of a mark, a column that says which work a row belongs to; a row with another text is
+     * rejected. Of the trial only the values are known; one that is not in its range may be any number. */
+    void (*mark)(const struct lg_trial_layout *layout, const lg_trial *trial, const char *column,
                  char text[LG_RANGE_NAME]);
-    /* The trials of such a table are known by their values, and their numbers are the points of a grid, of
-     * which all values are levels. Rows with values outside the ranges, and rows with the values of an earlier
-     * row, are kept here as they are and written after the trials. */
+    /* A trial is known by its values. Its number is the point of a grid, of which all values are levels; `low`
+     * and `high` of a choice are its first and last index. Rows with values outside the ranges, and rows that
+     * repeat a trial, are kept here as they are, and written after the trials. The caller destroys the
+     * text. */
     lg_columns others;
     size_t other_rows;
-} lg_trial_table;
+} lg_trial_layout;
 
-/* lg_trials_read and lg_trials_write for any table of trials. Reading adds to `others`, which the caller
- * destroys. */
-lg_status lg_trial_table_read(lg_trial_table *table, const lg_context *context, const char *path, size_t room,
-                              lg_trial *trials, size_t *count, lg_error *error);
-lg_status lg_trial_table_write(const lg_trial_table *table, const lg_context *context, const char *path,
-                               const lg_trial *trials, size_t count, lg_error *error);
 /* Returns true if the state, the number of reports and the values of the trial are valid for this table. */
-bool lg_trial_is_possible(const lg_trial_table *table, const lg_trial *trial);
+bool lg_trial_is_possible(const lg_search_file *search, const lg_trial *trial);
 
 #endif

@@ -5,6 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "common/app.h"
 #include "control/policy.h"
 #include "files/csv.h"
 #include "files/frame.h"
@@ -142,7 +143,7 @@ void fuzz_task(const uint8_t *data, size_t size) {
 
 enum { TRIALS = 64 };
 
-static void read_trials(lg_trial_table *table, const char *head, const uint8_t *data, size_t size) {
+static void read_trials(const lg_search_file *search, const char *head, const uint8_t *data, size_t size) {
     static lg_trial trials[TRIALS];
     lg_error error = {LG_OK, ""};
     size_t count = 0;
@@ -151,12 +152,11 @@ static void read_trials(lg_trial_table *table, const char *head, const uint8_t *
     memcpy(text, head, before);
     memcpy(text + before, data, length);
     const char *path = fuzz_file(text, before + length);
-    const lg_status status = lg_trial_table_read(table, NULL, path, TRIALS, trials, &count, &error);
+    const lg_status status = lg_trials_read(NULL, path, search, 1, NULL, TRIALS, trials, &count, &error);
     fuzz_status(status, &error);
     if (status == LG_OK && count > TRIALS) abort();
     for (size_t i = 0; status == LG_OK && i < count; i++)
-        if (!lg_trial_is_possible(table, &trials[i])) abort();
-    lg_text_destroy(&table->others.text);
+        if (!lg_trial_is_possible(search, &trials[i])) abort();
 }
 
 void fuzz_trials(const uint8_t *data, size_t size) {
@@ -165,14 +165,13 @@ void fuzz_trials(const uint8_t *data, size_t size) {
                   {{.name = "lr", .kind = LG_RANGE_LOG_UNIFORM, .low = 1e-4, .high = 1},
                    {.name = "layers", .kind = LG_RANGE_INTEGER, .low = 0, .high = 4},
                    {.name = "kind", .kind = LG_RANGE_CHOICE, .choices = 2, .choice = {"mlp", "resnet"}}}}};
-    lg_trial_table table = {.search = &search, .seed = 1};
     char label[LG_SEARCH_LABEL], head[LG_SEARCH_LABEL + 4];
     lg_search_label(&search, 1, NULL, label); /* a fuzzer does not guess its hashes */
     (void)snprintf(head, sizeof head, "# %s\n", label);
-    read_trials(&table, head, data, size);
+    read_trials(&search, head, data, size);
 }
 
-static void mark(const lg_trial_table *table, const lg_trial *trial, const char *column,
+static void mark(const lg_trial_layout *layout, const lg_trial *trial, const char *column,
                  char text[LG_RANGE_NAME]) {
     (void)snprintf(text, LG_RANGE_NAME, "%s", strcmp(column, "seed") == 0 ? "1" : "93850b707585");
 }
@@ -183,22 +182,23 @@ void fuzz_study(const uint8_t *data, size_t size) {
                                           "epochs",     "status",   "protocol", NULL};
     static const char *const reports[] = {"loss", "E1", "E2"};
     static const lg_search_file study = {
-        .space = {
-            7,
-            {{.name = "repeat", .kind = LG_RANGE_INTEGER, .low = 1, .high = 2},
-             {.name = "eps", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"2"}},
-             {.name = "N", .kind = LG_RANGE_CHOICE, .choices = 2, .choice = {"10", "20.5"}},
-             {.name = "M", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"1"}},
-             {.name = "penalty", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"3"}},
-             {.name = "substeps", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"0"}},
-             {.name = "integrator", .kind = LG_RANGE_CHOICE, .choices = 2, .choice = {"cf4", "euler"}}}}};
-    lg_trial_table table = {.search = &study,
-                            .what = "a study",
-                            .columns = columns,
-                            .report_names = reports,
-                            .reports = LG_COUNT(reports),
-                            .mark = mark};
-    read_trials(&table, "", data, size);
+        .space = {7,
+                  {{.name = "repeat", .kind = LG_RANGE_INTEGER, .low = 1, .high = 2},
+                   {.name = "eps", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"2"}},
+                   {.name = "N", .kind = LG_RANGE_CHOICE, .high = 1, .choices = 2, .choice = {"10", "20.5"}},
+                   {.name = "M", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"1"}},
+                   {.name = "penalty", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"3"}},
+                   {.name = "substeps", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"0"}},
+                   {.name = "integrator",
+                    .kind = LG_RANGE_CHOICE,
+                    .high = 1,
+                    .choices = 2,
+                    .choice = {"cf4", "euler"}}}}};
+    lg_trial_layout layout = {"a study", columns, reports, LG_COUNT(reports), mark, {.open = false}, 0};
+    lg_search_file file = study;
+    file.layout = &layout;
+    read_trials(&file, "", data, size);
+    lg_text_destroy(&layout.others.text);
 }
 
 /* ---- tables and logs ---- */

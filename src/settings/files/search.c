@@ -248,11 +248,12 @@ static bool in_range(const lg_range *range, double x) {
     return x >= range->low && x <= range->high; /* false for NaN */
 }
 
-bool lg_trial_is_possible(const lg_trial_table *table, const lg_trial *trial) {
-    const lg_search_space *space = &table->search->space;
+bool lg_trial_is_possible(const lg_search_file *search, const lg_trial *trial) {
+    const lg_search_space *space = &search->space;
     bool good = (int)trial->state >= 0 && (int)trial->state < LG_TRIAL_STATE_COUNT &&
                 trial->reports <= LG_TRIAL_REPORTS &&
-                (trial->state != LG_TRIAL_DONE || trial->reports >= table->reports);
+                (trial->state != LG_TRIAL_DONE || search->layout == NULL ||
+                 trial->reports >= search->layout->reports);
     for (size_t k = 0; good && k < space->count; k++) good = in_range(&space->ranges[k], trial->value[k]);
     return good;
 }
@@ -263,12 +264,8 @@ static const char *state_name(uint32_t state) {
     return lg_trial_state_name((lg_trial_state)state);
 }
 
-static const char *status_name(uint32_t state) {
-    return state == LG_TRIAL_DONE ? "ok" : state_name(state);
-}
-
-/* The fields of a trial that can be columns. The table of a search has the first ones. Real numbers may be nan
- * or infinite. */
+/* The fields of a trial that can be columns; the first ones are those of a search. Real numbers may be nan or
+ * infinite. */
 #define COLUMN(name, type, ...) LG_FIELD(lg_trial, NULL, name, type, __VA_ARGS__)
 static const lg_field fields[] = {COLUMN("trial", U64, number, .high = 0x1p64),
                                   COLUMN("state", NAME, state, LG_NAMED(state_name, LG_TRIAL_STATE_COUNT)),
@@ -276,7 +273,7 @@ static const lg_field fields[] = {COLUMN("trial", U64, number, .high = 0x1p64),
                                   COLUMN("parameters", U64, parameters, .high = 0x1p64),
                                   COLUMN("epochs", U64, epochs, .high = 0x1p64),
                                   COLUMN("seconds", REAL, seconds),
-                                  COLUMN("status", NAME, state, LG_NAMED(status_name, LG_TRIAL_STATE_COUNT)),
+                                  COLUMN("status", NAME, state, LG_NAMES("ok", "pruned", "failed")),
                                   LG_FIELD_END};
 #undef COLUMN
 
@@ -285,50 +282,40 @@ enum { FIELDS = 6, NAME = LG_RANGE_NAME + 8, MOST = FIELDS + LG_RANGE_MAX + LG_T
 typedef struct column {
     char name[NAME];
     const lg_field *field; /* of a trial; NULL: the column is none */
-    size_t range, report;  /* number of the range or report, from 1; 0: the column is none */
+    size_t range, report;  /* number of the range or report, from 1; 0: none. A mark is none of these */
 } column;
 
-static column find_column(const lg_trial_table *table, const char *name) {
-    const lg_search_space *space = &table->search->space;
+/* Finds the column with this name. A field comes before a range, whose column is then option-NAME. */
+static column find_column(const lg_search_file *search, const char *name) {
     column out = {.field = lg_field_find(fields, name)};
     (void)snprintf(out.name, NAME, "%s", name);
-    for (size_t i = 0; i < space->count; i++)
-        if (strcmp(space->ranges[i].name, name) == 0) out.range = i + 1;
-    for (size_t i = 0; i < table->reports; i++)
-        if (strcmp(table->report_names[i], name) == 0) out.report = i + 1;
+    if (out.field != NULL) return out;
+    for (size_t i = 0; i < search->space.count; i++)
+        if (strcmp(search->space.ranges[i].name, name) == 0) out.range = i + 1;
+    for (size_t i = 0; i < search->layout->reports; i++)
+        if (strcmp(search->layout->report_names[i], name) == 0) out.report = i + 1;
     return out;
 }
 
-/* Lists the columns; those of a search with so many rungs. A range with the name of a column that every table
- * of a search has, such as epochs, is option-NAME. */
-static size_t list_columns(const lg_trial_table *table, uint32_t rungs, column out[MOST]) {
-    const lg_search_space *space = &table->search->space;
+/* Lists the columns; those of a search with so many rungs. */
+static size_t list_columns(const lg_search_file *search, uint32_t rungs, column out[MOST]) {
+    const lg_search_space *space = &search->space;
+    const lg_trial_layout *layout = search->layout;
     size_t n = 0;
-    if (table->columns != NULL) {
-        for (; table->columns[n] != NULL; n++) out[n] = find_column(table, table->columns[n]);
-        return n;
-    }
-    for (; n < FIELDS; n++) {
-        out[n] = (column){.field = &fields[n]};
-        (void)snprintf(out[n].name, NAME, "%s", fields[n].name);
-    }
+    for (; layout != NULL && layout->columns[n] != NULL; n++)
+        out[n] = find_column(search, layout->columns[n]);
+    if (layout != NULL) return n;
+    for (; n < FIELDS; n++) out[n] = find_column(search, fields[n].name);
     for (size_t i = 0; i < space->count; i++, n++) {
         const char *name = space->ranges[i].name;
-        size_t k = 0;
-        while (k < FIELDS && strcmp(fields[k].name, name) != 0) k++;
         out[n] = (column){.range = i + 1};
-        (void)snprintf(out[n].name, NAME, "%s%s", k < FIELDS ? "option-" : "", name);
+        (void)snprintf(out[n].name, NAME, "%s%s", lg_field_find(fields, name) != NULL ? "option-" : "", name);
     }
     for (uint32_t i = 1; i <= rungs; i++, n++) {
         out[n] = (column){.report = i};
         (void)snprintf(out[n].name, NAME, "rung%u", i);
     }
     return n;
-}
-
-/* Whether the column is none of a trial. */
-static bool is_mark(const column *c) {
-    return c->field == NULL && c->range == 0 && c->report == 0;
 }
 
 /* ---- writing ---- */
@@ -341,62 +328,56 @@ void lg_search_label(const lg_search_file *search, uint64_t seed, const char *se
                    hash[1]);
 }
 
-static void add_cell(lg_columns *to, const lg_trial_table *table, const column *c, const lg_trial *trial) {
-    const lg_range *range = &table->search->space.ranges[c->range > 0 ? c->range - 1 : 0];
-    const double *value = &trial->value[range - table->search->space.ranges];
+static void add_cell(lg_columns *to, const lg_search_file *search, const column *c, const lg_trial *trial) {
+    const size_t i = c->range > 0 ? c->range - 1 : 0;
+    const lg_range *range = &search->space.ranges[i];
     char text[LG_RANGE_NAME];
     if (c->report > trial->reports)
         lg_columns_empty(to);
     else if (c->report > 0)
         lg_columns_number(to, trial->report[c->report - 1]);
     else if (c->range > 0 && range->kind == LG_RANGE_CHOICE)
-        lg_columns_text(to, range->choice[(size_t)*value]);
+        lg_columns_text(to, range->choice[(size_t)trial->value[i]]);
     else if (c->range > 0)
-        lg_columns_number(to, *value);
+        lg_columns_number(to, trial->value[i]);
     else if (c->field != NULL && c->field->type == LG_FIELD_REAL)
         lg_columns_number(to, lg_field_number(c->field, trial));
     else {
-        is_mark(c) ? table->mark(table, trial, c->name, text)
-                   : lg_field_show(c->field, trial, text, sizeof text);
+        c->field == NULL ? search->layout->mark(search->layout, trial, c->name, text)
+                         : lg_field_show(c->field, trial, text, sizeof text);
         lg_columns_text(to, text);
     }
 }
 
-lg_status lg_trial_table_write(const lg_trial_table *table, const lg_context *context, const char *path,
-                               const lg_trial *trials, size_t count, lg_error *error) {
+lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
+                          uint64_t seed, const char *setting, const lg_trial *trials, size_t count,
+                          lg_error *error) {
     column columns[MOST];
     char label[LG_SEARCH_LABEL];
     if (path == NULL || (trials == NULL && count > 0))
         return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or the trials are NULL");
-    LG_TRY(check_search(table->search, error));
+    LG_TRY(check_search(search, error));
     uint32_t reports = 0;
     for (size_t i = 0; i < count; i++) {
-        if (!lg_trial_is_possible(table, &trials[i]) || (i > 0 && trials[i].number <= trials[i - 1].number))
+        if (!lg_trial_is_possible(search, &trials[i]) || (i > 0 && trials[i].number <= trials[i - 1].number))
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "trial %" PRIu64 " does not come after the trial before it, or its state, a value "
                            "or its number of reports is not possible",
                            trials[i].number);
         if (trials[i].reports > reports) reports = trials[i].reports;
     }
-    const size_t n = list_columns(table, reports, columns);
-    lg_columns t = {.text = {.context = context}, .words = true, .shortest = table->columns != NULL};
-    lg_search_label(table->search, table->seed, table->setting, label);
-    if (table->columns == NULL) lg_text_add(&t.text, "# %s\n", label);
+    lg_columns t = {.text = {.context = context}, .words = true, .shortest = search->layout != NULL};
+    const size_t n = list_columns(search, reports, columns);
+    lg_search_label(search, seed, setting, label);
+    if (search->layout == NULL) lg_text_add(&t.text, "# %s\n", label);
     for (size_t i = 0; i < n; i++) lg_columns_name(&t, columns[i].name);
     lg_columns_end(&t);
     for (size_t k = 0; k < count; k++) {
-        for (size_t i = 0; i < n; i++) add_cell(&t, table, &columns[i], &trials[k]);
+        for (size_t i = 0; i < n; i++) add_cell(&t, search, &columns[i], &trials[k]);
         lg_columns_end(&t);
     }
-    lg_text_join(&t.text, &table->others.text);
+    if (search->layout != NULL) lg_text_join(&t.text, &search->layout->others.text);
     return lg_columns_write(&t, context, path, error);
-}
-
-lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
-                          uint64_t seed, const char *setting, const lg_trial *trials, size_t count,
-                          lg_error *error) {
-    const lg_trial_table table = {.search = search, .seed = seed, .setting = setting};
-    return lg_trial_table_write(&table, context, path, trials, count, error);
 }
 
 /* ---- reading ---- */
@@ -411,51 +392,29 @@ static bool parse_number(const char *cell, double *out) {
     return i < LG_COUNT(words) || lg_number_parse(cell, out) == LG_OK;
 }
 
-/* Finds the value of a cell. A choice that is a number may be written in another way. */
 static bool parse_value(const lg_range *range, const char *cell, double *out) {
-    double x, y;
     uint32_t i = 0;
     if (range->kind != LG_RANGE_CHOICE) return lg_number_parse(cell, out) == LG_OK && in_range(range, *out);
     while (i < range->choices && strcmp(cell, range->choice[i]) != 0) i++;
-    if (i == range->choices && lg_number_parse(cell, &x) == LG_OK)
-        for (i = 0; i < range->choices; i++)
-            if (lg_number_parse(range->choice[i], &y) == LG_OK && x == y) break;
     *out = i;
     return i < range->choices;
 }
 
-/* Whether the cell could be a value of a range that has other values, too. */
-static bool is_value(const lg_range *range, const char *cell) {
-    double x;
-    const bool text = range->kind == LG_RANGE_CHOICE && lg_number_parse(range->choice[0], &x) != LG_OK;
-    return text || lg_number_parse(cell, &x) == LG_OK;
-}
-
-static bool parse_cell(const lg_search_space *space, const column *c, const char *cell, lg_trial *trial) {
-    if (c->range > 0) return parse_value(&space->ranges[c->range - 1], cell, &trial->value[c->range - 1]);
-    if (c->field != NULL && c->field->type == LG_FIELD_REAL)
-        return parse_number(cell, (double *)((char *)trial + c->field->offset));
-    if (c->field != NULL) return lg_field_set(c->field, cell, trial, NULL) == LG_OK;
-    if (*cell == '\0') return true; /* the trial did not get this far */
-    return trial->reports++ == c->report - 1 && parse_number(cell, &trial->report[c->report - 1]);
-}
-
 /* Checks the first line, `# seed S space HASH setting HASH`, and that the search is the same. */
-static lg_status check_head(const char *head, const char *shown, const lg_trial_table *table,
-                            lg_error *error) {
+static lg_status check_head(const char *head, const char *shown, const lg_search_file *search, uint64_t seed,
+                            const char *setting, lg_error *error) {
     char want[2][HASH_DIGITS + 1], seen[2][HASH_DIGITS + 1], seen_seed[24];
     uint64_t number = 0;
     int end = 0;
-    hash_search(table->search, table->setting, want);
+    hash_search(search, setting, want);
     if (strncmp(head, "\xef\xbb\xbf", 3) == 0) head += 3; /* a byte order mark, which spreadsheets add */
     if (sscanf(head, "# seed %20[0-9] space %16[0-9a-f] setting %16[0-9a-f]%n", seen_seed, seen[0], seen[1],
                &end) != 3 ||
         head[end + strspn(head + end, "\r")] != '\n' || lg_integer_parse(seen_seed, &number) != LG_OK)
         return lg_fail(error, LG_FORMAT, "%s: line 1: '# seed S space HASH setting HASH' is expected", shown);
-    if (number != table->seed)
+    if (number != seed)
         return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "%s: the trials were made with seed %" PRIu64 ", not %" PRIu64, shown, number,
-                       table->seed);
+                       "%s: the trials were made with seed %" PRIu64 ", not %" PRIu64, shown, number, seed);
     for (int i = 0; i < 2; i++)
         if (strcmp(seen[i], want[i]) != 0)
             return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the trials were made with other %s", shown,
@@ -463,122 +422,134 @@ static lg_status check_head(const char *head, const char *shown, const lg_trial_
     return LG_OK;
 }
 
-/* Reads a cell. *inside becomes false if it is a value outside its range. */
-static lg_status read_cell(const lg_frame *f, size_t row, const lg_trial_table *table, const column *c,
+/* Reads the value of a range that may have other values in this table, written in any way. *inside becomes
+ * false if the range lacks it. Returns false for a text in place of a number. */
+static bool read_value(const lg_range *range, const char *cell, double *out, bool *inside) {
+    char text[LG_SHORTEST];
+    const bool number = lg_number_parse(cell, out) == LG_OK;
+    if (number) lg_format_shortest(text, *out + 0.0, false); /* -0 is 0 */
+    *inside = parse_value(range, number ? text : cell, out) && *inside;
+    return number || (range->kind == LG_RANGE_CHOICE && !lg_is_decimal(range->choice[0]));
+}
+
+static bool parse_cell(const lg_search_file *search, const column *c, const char *cell, lg_trial *trial,
+                       bool *inside) {
+    if (c->range > 0) {
+        const lg_range *range = &search->space.ranges[c->range - 1];
+        double *value = &trial->value[c->range - 1];
+        return search->layout != NULL ? read_value(range, cell, value, inside)
+                                      : parse_value(range, cell, value);
+    }
+    if (c->field != NULL && c->field->type == LG_FIELD_REAL)
+        return parse_number(cell, (double *)((char *)trial + c->field->offset));
+    if (c->field != NULL) return lg_field_set(c->field, cell, trial, NULL) == LG_OK;
+    /* the trial did not get this far */
+    if (*cell == '\0' || (search->layout != NULL && trial->reports < c->report - 1)) return true;
+    return trial->reports++ == c->report - 1 && parse_number(cell, &trial->report[c->report - 1]);
+}
+
+static lg_status read_cell(const lg_frame *f, size_t row, const lg_search_file *search, const column *c,
                            char *cell, lg_trial *trial, bool *inside, lg_error *error) {
-    const lg_search_space *space = &table->search->space;
-    const bool named = table->columns != NULL;
+    const lg_trial_layout *layout = search->layout;
     char text[LG_RANGE_NAME];
-    if (named && *cell == '\0' && c->report == 0) return lg_frame_fail(f, row, c->name, error, "is empty");
-    if (is_mark(c)) {
-        table->mark(table, trial, c->name, text);
+    if (layout != NULL && *cell == '\0' && c->report == 0)
+        return lg_frame_fail(f, row, c->name, error, "is empty");
+    if (c->field == NULL && c->range == 0 && c->report == 0) {
+        layout->mark(layout, trial, c->name, text);
         if (strcmp(cell, text) == 0) return LG_OK;
         return lg_frame_fail(f, row, c->name, error, "the row belongs to %s with other settings (%s, not %s)",
-                             table->what, lg_tamed(cell), text);
+                             layout->what, lg_tamed(cell), text);
     }
-    if (parse_cell(space, c, cell, trial)) return LG_OK;
-    *inside = false;
-    if (named && c->range > 0)
-        return is_value(&space->ranges[c->range - 1], cell)
-                   ? LG_OK
-                   : lg_frame_fail(f, row, c->name, error, "'%s' is not a number: remove the row",
-                                   lg_tamed(cell));
+    if (parse_cell(search, c, cell, trial, inside)) return LG_OK;
+    if (layout != NULL && c->range > 0)
+        return lg_frame_fail(f, row, c->name, error, "'%s' is not a number: remove the row", lg_tamed(cell));
     return lg_frame_fail(f, row, c->name, error, "'%s' is not what %s writes here: remove the row",
-                         lg_tamed(cell), named ? table->what : "a search");
+                         lg_tamed(cell), layout != NULL ? layout->what : "a search");
 }
 
 /* Keeps a row that is none of the trials as it is. */
-static void keep_row(lg_trial_table *table, const lg_frame *f, size_t row) {
+static void keep_row(lg_trial_layout *layout, const lg_frame *f, size_t row) {
     for (size_t i = 0; i < f->texts; i++) {
         const char *cell = f->text[row * f->texts + i];
-        *cell == '\0' ? lg_columns_empty(&table->others) : lg_columns_text(&table->others, cell);
+        *cell == '\0' ? lg_columns_empty(&layout->others) : lg_columns_text(&layout->others, cell);
     }
-    lg_columns_end(&table->others);
-    table->other_rows++;
+    lg_columns_end(&layout->others);
+    layout->other_rows++;
 }
 
 /* The number of the point of a grid with all values of the ranges, of which the last one varies fastest. */
 static uint64_t point_of(const lg_search_space *space, const double *value) {
     uint64_t number = 0;
-    for (const lg_range *range = space->ranges; range < space->ranges + space->count; range++, value++) {
-        const bool choice = range->kind == LG_RANGE_CHOICE;
-        number = number * (uint64_t)(choice ? range->choices : range->high - range->low + 1) +
-                 (uint64_t)(choice ? *value : *value - range->low);
-    }
+    for (const lg_range *range = space->ranges; range < space->ranges + space->count; range++)
+        number = number * (uint64_t)(range->high - range->low + 1) + (uint64_t)(*value++ - range->low);
     return number;
 }
 
-static lg_status read_trial(const lg_frame *f, size_t row, lg_trial_table *table, const column *columns,
-                            lg_trial *trials, size_t *count, lg_error *error) {
+static lg_status read_trial(const lg_frame *f, size_t row, const lg_search_file *search,
+                            const column *columns, lg_trial *trials, size_t *count, lg_error *error) {
     lg_trial *trial = &trials[*count];
     bool fresh = true; /* a trial that is not in the table yet */
     *trial = (lg_trial){.number = 0};
     for (size_t i = 0; i < f->texts; i++)
-        LG_TRY(read_cell(f, row, table, &columns[i], f->text[row * f->texts + i], trial, &fresh, error));
-    if (table->columns != NULL && fresh) trial->number = point_of(&table->search->space, trial->value);
-    if (fresh && trial->state == LG_TRIAL_DONE && trial->reports < table->reports) return LG_OK;
+        LG_TRY(read_cell(f, row, search, &columns[i], f->text[row * f->texts + i], trial, &fresh, error));
+    if (fresh && search->layout != NULL) trial->number = point_of(&search->space, trial->value);
+    if (fresh && !lg_trial_is_possible(search, trial)) return LG_OK;
     for (size_t i = 0; fresh && i < *count; i++) fresh = trials[i].number != trial->number;
     *count += fresh;
-    if (!fresh && table->columns == NULL)
+    if (!fresh && search->layout == NULL)
         return lg_frame_fail(f, row, "trial", error, "%s is in the table already", f->text[row * f->texts]);
-    if (!fresh) keep_row(table, f, row);
+    if (!fresh) keep_row(search->layout, f, row);
     return LG_OK;
 }
 
-static lg_status read_table(lg_frame *f, lg_trial_table *table, lg_trial *trials, size_t room, size_t *count,
-                            lg_error *error) {
+static lg_status read_table(lg_frame *f, const lg_search_file *search, lg_trial *trials, size_t room,
+                            size_t *count, lg_error *error) {
     enum { BLOCK = 256 };
-    const bool named = table->columns != NULL;
     column columns[MOST];
     lg_frame_want want[MOST];
     f->want = want;
-    f->wants = list_columns(table, LG_TRIAL_REPORTS, columns);
+    f->wants = list_columns(search, LG_TRIAL_REPORTS, columns);
     for (size_t i = 0; i < f->wants; i++)
-        want[i] = (lg_frame_want){
-            .name = columns[i].name, .as = LG_FRAME_CELL, .optional = !named && columns[i].report > 0};
+        want[i] = (lg_frame_want){.name = columns[i].name,
+                                  .as = LG_FRAME_CELL,
+                                  .optional = search->layout == NULL && columns[i].report > 0};
     LG_TRY(lg_frame_open(f, error));
-    if (named && f->header > 1)
+    if (search->layout != NULL && f->header > 1)
         return lg_frame_fail(f, 0, NULL, error, "comes after other lines: remove them");
     do {
         LG_TRY(lg_frame_next(f, BLOCK, error));
-        if (!named && f->rows > room - *count)
+        if (search->layout == NULL && f->rows > room - *count)
             return lg_fail(error, LG_INVALID_ARGUMENT, "%s: holds more than the %zu trials that fit",
                            f->shown, room);
         for (size_t row = 0; row < f->rows; row++)
-            LG_TRY(read_trial(f, row, table, columns, trials, count, error));
+            LG_TRY(read_trial(f, row, search, columns, trials, count, error));
     } while (f->rows > 0);
-    return LG_OK;
-}
-
-lg_status lg_trial_table_read(lg_trial_table *table, const lg_context *context, const char *path, size_t room,
-                              lg_trial *trials, size_t *count, lg_error *error) {
-    char first[4096] = "", what[LG_RANGE_NAME];
-    size_t found = 0, got = 0;
-    if (path == NULL || *path == '\0' || count == NULL || (trials == NULL && room > 0))
-        return lg_fail(error, LG_INVALID_ARGUMENT,
-                       "the file's name is missing, or the memory for its trials is NULL");
-    LG_TRY(check_search(table->search, error));
-    (void)snprintf(what, sizeof what, "table of %s", table->columns != NULL ? table->what : "trials");
-    LG_CLEAN(lg_frame_close)
-    lg_frame f = {.context = context, .path = path, .what = what, .ours = true};
-    LG_SCRATCH(lg_trial, made, context, room + 1);
-    if (made == NULL) return lg_no_memory_for(path, error);
-    LG_TRY(lg_read_first(path, first, sizeof first - 1, &got, error));
-    const char *names = first, *end = first + got;
-    if (table->columns == NULL) LG_TRY(check_head(first, lg_shown_path(path), table, error));
-    if (table->columns == NULL) names = strchr(first, '\n') + 1;
-    /* a table of a search that was cut off within the names of its columns has no trials */
-    if (got > 0 && (table->columns != NULL || end == first + sizeof first - 1 ||
-                    memchr(names, '\n', (size_t)(end - names)) != NULL))
-        LG_TRY(read_table(&f, table, made, room, &found, error));
-    if (found > 0) memcpy(trials, made, found * sizeof *made);
-    *count = found;
     return LG_OK;
 }
 
 lg_status lg_trials_read(const lg_context *context, const char *path, const lg_search_file *search,
                          uint64_t seed, const char *setting, size_t room, lg_trial *trials, size_t *count,
                          lg_error *error) {
-    lg_trial_table table = {.search = search, .seed = seed, .setting = setting};
-    return lg_trial_table_read(&table, context, path, room, trials, count, error);
+    char first[4096] = "", what[LG_RANGE_NAME];
+    size_t found = 0, got = 0;
+    if (path == NULL || *path == '\0' || count == NULL || (trials == NULL && room > 0))
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the file's name is missing, or the memory for its trials is NULL");
+    LG_TRY(check_search(search, error));
+    (void)snprintf(what, sizeof what, "table of %s",
+                   search->layout != NULL ? search->layout->what : "trials");
+    LG_CLEAN(lg_frame_close)
+    lg_frame f = {.context = context, .path = path, .what = what, .ours = true};
+    LG_SCRATCH(lg_trial, made, context, room + 1);
+    if (made == NULL) return lg_no_memory_for(path, error);
+    LG_TRY(lg_read_first(path, first, sizeof first - 1, &got, error));
+    if (search->layout == NULL) LG_TRY(check_head(first, lg_shown_path(path), search, seed, setting, error));
+    const char *names = search->layout == NULL ? strchr(first, '\n') + 1 : first, *end = first + got;
+    /* a table of a search that was cut off within the names of its columns has no trials */
+    if (got > 0 && (search->layout != NULL || end == first + sizeof first - 1 ||
+                    memchr(names, '\n', (size_t)(end - names)) != NULL))
+        LG_TRY(read_table(&f, search, made, room, &found, error));
+    if (found > 0) memcpy(trials, made, found * sizeof *made);
+    *count = found;
+    return LG_OK;
 }
