@@ -399,8 +399,8 @@ static int none_done(const sweep *self) {
         return app_fail(self->app, LG_NO_CONVERGENCE, "none of the %zu trials in %s was finished",
                         self->count, search_given.out);
     return app_fail(self->app, LG_NO_CONVERGENCE,
-                    "none of %zu trials was finished; trial %llu failed first: %s", self->count,
-                    (unsigned long long)self->failed, self->failure.message);
+                    "none of %zu trials was finished; trial %zu failed first: %s", self->count, self->failed,
+                    self->failure.message);
 }
 
 /* Takes the numbers of --rungs; missing numbers keep their defaults. */

@@ -14,7 +14,7 @@ typedef struct posted {
 
 static void warn(sweep *self, const posted *p) {
     if (self->failure.status == LG_OK) {
-        self->failed = p->trial.number;
+        self->failed = (size_t)p->trial.number;
         (void)lg_fail(&self->failure, LG_NO_CONVERGENCE, "%s", p->why);
     }
     app_warn(self->app, "trial %llu failed: %s", (unsigned long long)p->trial.number, p->why);
@@ -121,8 +121,8 @@ static lg_status read_table(sweep *self, lg_error *error) {
         const uint64_t number = self->trials[i].number;
         if (number >= work->count)
             return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "trial %llu was already run, but only %llu trials are planned in all",
-                           (unsigned long long)number, (unsigned long long)work->count);
+                           "trial %llu was already run, but only %zu trials are planned in all",
+                           (unsigned long long)number, work->count);
         if (!is_planned(self, &self->trials[i]))
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "trial %llu has other values than --sampler %s gives it with --trials %llu: give "

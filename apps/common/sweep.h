@@ -27,7 +27,7 @@ typedef struct sweep {
     lg_trial *trials; /* (count) those that are done, stopped where one process would have stopped them */
     size_t count, written, before; /* written: how many the file has; before: how many earlier calls did */
     lg_error failure;              /* why the first failed trial of this call failed */
-    uint64_t failed;               /* number of this trial */
+    size_t failed;                 /* number of this trial */
     bool stopped;                  /* while a trial waited for others */
     app_progress progress;
 } sweep;

@@ -43,15 +43,16 @@ typedef struct study {
     uint64_t threads_each;
 } study;
 
-/* `at`: the values of a trial. The range is a list of numbers. */
-static double value_of(const study *self, const double *at, int range) {
-    double value = 0;
-    (void)lg_number_parse(self->file.space.ranges[range].choice[(size_t)at[range]], &value);
-    return value;
+/* `at`: the values of a trial. The range is a list. */
+static const char *text_of(const study *self, const double *at, int range) {
+    return self->file.space.ranges[range].choice[(size_t)at[range]];
 }
 
-static const char *integrator_of(const study *self, const double *at) {
-    return self->file.space.ranges[INTEGRATOR].choice[(size_t)at[INTEGRATOR]];
+/* The range is a list of numbers. */
+static double value_of(const study *self, const double *at, int range) {
+    double value = 0;
+    (void)lg_number_parse(text_of(self, at, range), &value);
+    return value;
 }
 
 /* ---- the grid ---- */
@@ -101,10 +102,9 @@ static void set_ranges(study *self) {
     for (int at = 0; at < RANGES; at++) {
         lg_range *range = &space->ranges[at];
         const lg_field *key = lg_field_find(lg_grid_keys, range_names[at]);
-        const uint32_t count = key != NULL ? lg_field_list(key, grid, list) : 0;
         range->kind = at == REPEAT ? LG_RANGE_INTEGER : LG_RANGE_CHOICE;
         (void)snprintf(range->name, LG_RANGE_NAME, "%s", range_names[at]);
-        for (uint32_t i = 0; i < count; i++) {
+        for (uint32_t i = 0; key != NULL && i < lg_field_list(key, grid, list); i++) {
             lg_format_shortest(text, list[i] + 0.0, false); /* -0 is 0 */
             add_value(self, range, text);
         }
@@ -177,7 +177,6 @@ static void plan(study *self) {
     for (int range = REPEAT + 1; range < RANGES; range++) made->work.count *= values_of(self, range);
     lg_search_options_init(&made->options);
     made->options.seed = self->grid.seed;
-    made->options.rungs = 0;
     while (strcmp(lg_search_sampler_name(made->options.sampler), "grid") != 0) made->options.sampler++;
     made->options.trials = made->work.count;
     self->setting = setting_of(&self->grid);
@@ -241,7 +240,7 @@ static lg_status train_run(void *user, lg_search *session, lg_trial *trial, lg_e
     LG_TRY(sample_scene(context, &grid->scene, &training, &data, error));
     LG_TRY(sample_scene(context, &grid->scene, &testing, &test, error));
     lg_hamiltonian_run run = grid->run;
-    run.scheme = lg_scheme_find(integrator_of(self, at));
+    run.scheme = lg_scheme_find(text_of(self, at, INTEGRATOR));
     run.substeps = (uint32_t)value_of(self, at, SUBSTEPS);
     run.penalty = value_of(self, at, PENALTY);
     run.training.seed = training.seed;
@@ -319,7 +318,7 @@ static void put_row(app_json *out, const study *self, const double *at, unsigned
                     const double *figures) {
     static const int order[] = {SUBSTEPS, N, M, EPS, PENALTY};
     app_json_open(out, NULL, '{');
-    app_json_text(out, range_names[INTEGRATOR], integrator_of(self, at));
+    app_json_text(out, range_names[INTEGRATOR], text_of(self, at, INTEGRATOR));
     for (size_t i = 0; i < LG_COUNT(order); i++)
         if ((ranges >> order[i] & 1) != 0)
             app_json_real(out, range_names[order[i]], value_of(self, at, order[i]));

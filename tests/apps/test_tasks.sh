@@ -136,7 +136,7 @@ sed 's/seed: 1/seed: 2/' grid.yaml >grid2.yaml
 cp study.csv t.csv
 code=0
 lg-hamiltonian study grid2.yaml --out t.csv --threads 1 --task 0/2 2>err >out || code=$?
-[ $code = 2 ] && ! parts || fail "a study on a table of another one: $code $(cat err)"
+[ $code = 3 ] && ! parts || fail "a study on a table of another one: $code $(cat err)"
 $study --out t.csv --merge >merged || fail "the table of a study is no longer its own"
 rm -f t.csv*
 $study --out t.csv --task 0/2 --stop-after 3 >task

@@ -243,15 +243,14 @@ static lg_status check_search(const lg_search_file *search, lg_error *error) {
 /* ---- a trial's value in its range ---- */
 
 static bool in_range(const lg_range *range, double x) {
-    if (range->kind == LG_RANGE_CHOICE) return x >= 0 && x < range->choices && floor(x) == x;
-    if (range->kind == LG_RANGE_INTEGER && floor(x) != x) return false;
+    if (range->kind >= LG_RANGE_INTEGER && floor(x) != x) return false;
+    if (range->kind == LG_RANGE_CHOICE) return x >= 0 && x < range->choices;
     return x >= range->low && x <= range->high; /* false for NaN */
 }
 
 bool lg_trial_is_possible(const lg_search_file *search, const lg_trial *trial) {
     const lg_search_space *space = &search->space;
-    bool good = (int)trial->state >= 0 && (int)trial->state < LG_TRIAL_STATE_COUNT &&
-                trial->reports <= LG_TRIAL_REPORTS &&
+    bool good = (uint32_t)trial->state < LG_TRIAL_STATE_COUNT && trial->reports <= LG_TRIAL_REPORTS &&
                 (trial->state != LG_TRIAL_DONE || search->layout == NULL ||
                  trial->reports >= search->layout->reports);
     for (size_t k = 0; good && k < space->count; k++) good = in_range(&space->ranges[k], trial->value[k]);
@@ -299,15 +298,14 @@ static column find_column(const lg_search_file *search, const char *name) {
 
 /* Lists the columns; those of a search with so many rungs. */
 static size_t list_columns(const lg_search_file *search, uint32_t rungs, column out[MOST]) {
-    const lg_search_space *space = &search->space;
     const lg_trial_layout *layout = search->layout;
     size_t n = 0;
     for (; layout != NULL && layout->columns[n] != NULL; n++)
         out[n] = find_column(search, layout->columns[n]);
     if (layout != NULL) return n;
     for (; n < FIELDS; n++) out[n] = find_column(search, fields[n].name);
-    for (size_t i = 0; i < space->count; i++, n++) {
-        const char *name = space->ranges[i].name;
+    for (size_t i = 0; i < search->space.count; i++, n++) {
+        const char *name = search->space.ranges[i].name;
         out[n] = (column){.range = i + 1};
         (void)snprintf(out[n].name, NAME, "%s%s", lg_field_find(fields, name) != NULL ? "option-" : "", name);
     }
@@ -452,11 +450,15 @@ static lg_status read_cell(const lg_frame *f, size_t row, const lg_search_file *
                            char *cell, lg_trial *trial, bool *inside, lg_error *error) {
     const lg_trial_layout *layout = search->layout;
     char text[LG_RANGE_NAME];
+    double seen = 0, own = NAN;
     if (layout != NULL && *cell == '\0' && c->report == 0)
         return lg_frame_fail(f, row, c->name, error, "is empty");
     if (c->field == NULL && c->range == 0 && c->report == 0) {
         layout->mark(layout, trial, c->name, text);
-        if (strcmp(cell, text) == 0) return LG_OK;
+        (void)lg_number_parse(cell, &seen);
+        (void)lg_number_parse(text, &own);
+        /* a spreadsheet keeps 15 digits of a seed */
+        if (strcmp(cell, text) == 0 || fabs(seen - own) < 1e-14 * own) return LG_OK;
         return lg_frame_fail(f, row, c->name, error, "the row belongs to %s with other settings (%s, not %s)",
                              layout->what, lg_tamed(cell), text);
     }
