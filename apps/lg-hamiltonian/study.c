@@ -159,9 +159,8 @@ static uint64_t seed_of(const study *self, const double *at, uint64_t kind) {
 }
 
 /* Writes the seed of a run, or the protocol, a hash of all settings that are no columns. */
-static void mark(const lg_trial_layout *layout, const lg_trial *trial, const char *column,
-                 char text[LG_RANGE_NAME]) {
-    const study *self = (const study *)((const char *)layout - offsetof(study, layout));
+static void mark(void *user, const lg_trial *trial, const char *column, char text[LG_RANGE_NAME]) {
+    const study *self = user;
     if (strcmp(column, "seed") == 0)
         (void)snprintf(text, LG_RANGE_NAME, "%llu",
                        (unsigned long long)seed_of(self, trial->value, SEED_TRAIN));
@@ -183,7 +182,8 @@ static void plan(study *self) {
     made->file = &self->file;
     made->setting = self->setting.data;
     self->file.layout = &self->layout;
-    self->layout = (lg_trial_layout){"a study", columns, measure_names, REPORTS, mark, {.open = false}, 0};
+    self->layout =
+        (lg_trial_layout){"a study", columns, measure_names, REPORTS, mark, self, {.open = false}, 0};
 }
 
 /* ---- one run ---- */
@@ -355,7 +355,7 @@ static void report(const study *self, double seconds) {
     app_json *out = done->app->out;
     char protocol[LG_RANGE_NAME];
     double at[RANGES];
-    mark(&self->layout, NULL, "protocol", protocol);
+    mark((void *)(uintptr_t)self, NULL, "protocol", protocol);
     APP_PUT(out, LG_WHOLE("planned", done->work.count, "runs of the grid"),
             LG_WHOLE("done", done->count + self->layout.other_rows, "runs of the table"),
             LG_WHOLE("new", done->work.fresh, NULL), LG_AS_TEXT("protocol", protocol));

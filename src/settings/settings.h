@@ -20,8 +20,8 @@ typedef struct lg_trial_layout {
     uint32_t reports; /* number of reports of a trial that is done; a row that lacks one counts as not done */
     /* Writes the text of a mark, a column that says which work a row belongs to; a row with another text is
      * rejected. Of the trial only the values are known; one that is not in its range may be any number. */
-    void (*mark)(const struct lg_trial_layout *layout, const lg_trial *trial, const char *column,
-                 char text[LG_RANGE_NAME]);
+    void (*mark)(void *user, const lg_trial *trial, const char *column, char text[LG_RANGE_NAME]);
+    void *user;
     /* A trial is known by its values. Its number is the point of a grid, of which all values are levels; `low`
      * and `high` of a choice are its first and last index. Rows with values outside the ranges, and rows that
      * repeat a trial, are kept here as they are, and written after the trials. The caller destroys the

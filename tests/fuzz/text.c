@@ -171,8 +171,7 @@ void fuzz_trials(const uint8_t *data, size_t size) {
     read_trials(&search, head, data, size);
 }
 
-static void mark(const lg_trial_layout *layout, const lg_trial *trial, const char *column,
-                 char text[LG_RANGE_NAME]) {
+static void mark(void *user, const lg_trial *trial, const char *column, char text[LG_RANGE_NAME]) {
     (void)snprintf(text, LG_RANGE_NAME, "%s", strcmp(column, "seed") == 0 ? "1" : "93850b707585");
 }
 
@@ -194,7 +193,7 @@ void fuzz_study(const uint8_t *data, size_t size) {
                     .high = 1,
                     .choices = 2,
                     .choice = {"cf4", "euler"}}}}};
-    lg_trial_layout layout = {"a study", columns, reports, LG_COUNT(reports), mark, {.open = false}, 0};
+    lg_trial_layout layout = {"a study", columns, reports, LG_COUNT(reports), mark, NULL, {.open = false}, 0};
     lg_search_file file = study;
     file.layout = &layout;
     read_trials(&file, "", data, size);

@@ -341,7 +341,7 @@ static void add_cell(lg_columns *to, const lg_search_file *search, const column 
     else if (c->field != NULL && c->field->type == LG_FIELD_REAL)
         lg_columns_number(to, lg_field_number(c->field, trial));
     else {
-        c->field == NULL ? search->layout->mark(search->layout, trial, c->name, text)
+        c->field == NULL ? search->layout->mark(search->layout->user, trial, c->name, text)
                          : lg_field_show(c->field, trial, text, sizeof text);
         lg_columns_text(to, text);
     }
@@ -454,7 +454,7 @@ static lg_status read_cell(const lg_frame *f, size_t row, const lg_search_file *
     if (layout != NULL && *cell == '\0' && c->report == 0)
         return lg_frame_fail(f, row, c->name, error, "is empty");
     if (c->field == NULL && c->range == 0 && c->report == 0) {
-        layout->mark(layout, trial, c->name, text);
+        layout->mark(layout->user, trial, c->name, text);
         (void)lg_number_parse(cell, &seen);
         (void)lg_number_parse(text, &own);
         /* a spreadsheet keeps 15 digits of a seed */
