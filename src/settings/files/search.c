@@ -364,7 +364,7 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
                            trials[i].number);
         if (trials[i].reports > reports) reports = trials[i].reports;
     }
-    lg_columns t = {.text = {.context = context}, .words = true, .shortest = search->layout != NULL};
+    lg_columns t = {.text = {.context = context}, .words = true};
     const size_t n = list_columns(search, reports, columns);
     lg_search_label(search, seed, setting, label);
     if (search->layout == NULL) lg_text_add(&t.text, "# %s\n", label);
