@@ -108,15 +108,6 @@ bool app_given(const app *self, const char *option) {
     return slot != NULL && slot->given;
 }
 
-void app_adopt(app *self, const app_settings *settings, const void *from, bool preset) {
-    char option[sizeof self->slots[0].name];
-    for (const lg_field *row = settings->rows; row->name != NULL; row++) {
-        lg_field_option(row, option, sizeof option);
-        if (!app_given(self, option) && !(preset && row->value != NULL))
-            lg_field_copy(row, from, settings->values);
-    }
-}
-
 /* ---- argp parsers from tables of options ---- */
 
 /* A command with more options than MANY shows only the usual ones in --help. */

@@ -150,9 +150,6 @@ app_slot *app_find_slot(const app *app, const char *option);
  * value points to `text`, which must live on. LG_INVALID_ARGUMENT: nothing is stored, and `error` says
  * why. */
 lg_status app_store(app_slot *slot, const char *text, lg_error *error);
-/* Copies into settings->values every option that was not given on the command line. `from` is a structure of
- * the same type as settings->values. `preset`: only rows without a default of their own are copied. */
-void app_adopt(app *app, const app_settings *settings, const void *from, bool preset);
 /* Returns true after the first SIGINT (Ctrl-C), SIGTERM or SIGHUP. A second signal of the same kind kills the
  * process. */
 bool app_interrupted(void);
@@ -369,10 +366,7 @@ void app_parallel(uint64_t threads, size_t count, void (*task)(void *user, size_
 
 /* ---- files ---- */
 
-/* Opens a regular file for reading. Returns NULL otherwise, so it never blocks as it would on a pipe without
- * a writer. */
-FILE *app_open(const char *path);
-/* Adds the bytes of a regular file to the hash. Errors: LG_FILE with a sentence, LG_OUT_OF_MEMORY. */
+/* Adds the bytes of a regular file to the hash. Errors: LG_FILE and LG_NOT_FOUND with a sentence. */
 lg_status app_hash_file(const char *path, lg_sha256 *state, lg_error *error);
 /* A text file that is built in memory and replaces `path` when it is complete: written under a temporary name
  * in the same folder, fsync, rename. */

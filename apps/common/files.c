@@ -12,18 +12,11 @@
 #include "files/temporary.h"
 #include "liegrad/model.h"
 
-FILE *app_open(const char *path) {
-    struct stat about;
-    return stat(path, &about) == 0 && S_ISREG(about.st_mode) ? fopen(path, "rbe") : NULL;
-}
-
 lg_status app_hash_file(const char *path, lg_sha256 *state, lg_error *error) {
     unsigned char block[65536];
-    errno = 0;
-    FILE *file = app_open(path);
-    if (file == NULL)
-        return lg_fail(error, lg_status_of(errno), "%s: cannot be read: %s", path,
-                       errno != 0 ? strerror(errno) : "it is not a regular file");
+    uint64_t bytes;
+    FILE *file;
+    LG_TRY(lg_read_open(path, &file, &bytes, error));
     for (size_t n; (n = fread(block, 1, sizeof block, file)) > 0;) lg_sha256_add(state, block, n);
     const bool whole = ferror(file) == 0;
     (void)fclose(file);
@@ -235,13 +228,10 @@ bool app_begins(const char *path, const char *data, size_t bytes, int lines) {
         const char *end = memchr(data + n, '\n', bytes - n);
         n = end != NULL ? (size_t)(end - data) + 1 : bytes;
     }
-    FILE *file = app_open(path);
-    if (file == NULL) return false;
-    APP_FREE char *found = app_alloc(n, 1);
-    const bool same =
-        fread(found, 1, n, file) == n && memcmp(found, data, n) == 0 && (lines > 0 || fgetc(file) == EOF);
-    (void)fclose(file);
-    return same;
+    size_t got = 0;
+    APP_FREE char *found = app_alloc(n + 1, 1);
+    return lg_read_first(path, found, n + 1, &got, NULL) == LG_OK && got >= n &&
+           memcmp(found, data, n) == 0 && (lines > 0 || got == n);
 }
 
 static bool is_detector(const char *kind) {

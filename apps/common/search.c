@@ -38,21 +38,10 @@ const lg_field search_options[] = {
     LG_FIELD_END};
 
 typedef struct searching {
-    app *app;
+    sweep sweep; /* the first member */
     const app_command *train;
     train_task *task;
-    const lg_search_file *file;
     uint32_t line; /* of the option that was looked at last */
-    char setting[256];
-    lg_search_options options;
-    trials_work work;
-    lg_trial *results; /* (trials) by number, as the trials reported them */
-    lg_trial *trials;  /* (count) those that are done, stopped where one process would have stopped them */
-    size_t count, written, before; /* written: how many the file has */
-    lg_error failure;              /* why the first failed trial of this call failed */
-    uint64_t failed;               /* number of this trial */
-    bool stopped;                  /* while a trial waited for others */
-    app_progress progress;
 } searching;
 
 /* ---- setting names and values as options of train ---- */
@@ -60,7 +49,7 @@ typedef struct searching {
 /* Returns a copy of the app whose command is `train`, to set options on. The values are stored in the
  * settings of `train` itself. */
 static app virtual_begin(const searching *search) {
-    app out = *search->app;
+    app out = *search->sweep.app;
     app_choose_command(&out, search->train);
     return out;
 }
@@ -93,12 +82,12 @@ static lg_status virtual_set(app *v, const train_task *task, const char *name, c
 }
 
 static size_t entries(const searching *search) {
-    return search->file->fixed_count + search->file->space.count;
+    return search->sweep.file->fixed_count + search->sweep.file->space.count;
 }
 
 /* The name of option i of the file, of which the fixed ones come first. Its line goes to search->line. */
 static const char *entry(searching *search, size_t i) {
-    const lg_search_file *file = search->file;
+    const lg_search_file *file = search->sweep.file;
     const bool fixed = i < file->fixed_count;
     const size_t range = i - file->fixed_count;
     search->line = fixed ? file->fixed_line[i] : file->line[range];
@@ -109,8 +98,9 @@ enum { NUMBER = 32 };
 
 /* The text of option i; `value` is that of a range, the index of a choice. */
 static const char *value_text(const searching *search, size_t i, double value, char number[NUMBER]) {
-    if (i < search->file->fixed_count) return search->file->fixed_value[i];
-    const lg_range *range = &search->file->space.ranges[i - search->file->fixed_count];
+    const lg_search_file *file = search->sweep.file;
+    if (i < file->fixed_count) return file->fixed_value[i];
+    const lg_range *range = &file->space.ranges[i - file->fixed_count];
     if (range->kind == LG_RANGE_CHOICE) return range->choice[(size_t)value];
     (void)snprintf(number, NUMBER, "%.17g", value);
     return number;
@@ -123,7 +113,7 @@ static lg_status set_entry(searching *search, app *v, size_t i, double value, lg
 
 /* Checks that train accepts the bounds of a range, a number between them, and every choice. */
 static lg_status check_range(searching *search, app *v, size_t i, lg_error *error) {
-    const lg_range *range = &search->file->space.ranges[i - search->file->fixed_count];
+    const lg_range *range = &search->sweep.file->space.ranges[i - search->sweep.file->fixed_count];
     const bool choice = range->kind == LG_RANGE_CHOICE;
     const double between = range->low + 0.381966 * (range->high - range->low);
     const double probes[] = {range->low, range->high, range->kind == LG_RANGE_INTEGER ? range->low : between};
@@ -134,7 +124,7 @@ static lg_status check_range(searching *search, app *v, size_t i, lg_error *erro
 
 /* Sets the fixed options and the drawn values; `drawn` NULL: only checks the ranges. */
 static lg_status set_all(searching *search, app *v, const double *drawn, lg_error *error) {
-    const size_t fixed = search->file->fixed_count;
+    const size_t fixed = search->sweep.file->fixed_count;
     for (size_t i = 0; i < fixed; i++) LG_TRY(set_entry(search, v, i, 0, error));
     for (size_t i = fixed; i < entries(search); i++)
         LG_TRY(drawn == NULL ? check_range(search, v, i, error)
@@ -171,7 +161,7 @@ static void mark_read(searching *search, app *v, bool *read) {
 /* Checks the candidates of a search: the combinations of all choices, at most MOST_CHECKED of them. An option
  * that none of them reads is rejected. */
 static lg_status check_candidates(searching *search, lg_error *error) {
-    const lg_search_space *space = &search->file->space;
+    const lg_search_space *space = &search->sweep.file->space;
     const lg_range *range = space->ranges;
     double drawn[LG_RANGE_MAX];
     bool read[2 * LG_RANGE_MAX] = {false};
@@ -209,10 +199,10 @@ static void check_and_read(searching *search) {
     app v = virtual_begin(search);
     lg_status status = set_all(search, &v, NULL, &error);
     if (status == LG_OK) status = check_spellings(search, &v, &error);
-    if (status == LG_OK) train_read(search->app, search->task);
+    if (status == LG_OK) train_read(search->sweep.app, search->task);
     if (status == LG_OK) status = check_candidates(search, &error);
     if (status != LG_OK)
-        app_stop(search->app, status, "%s: line %u: %s", search->app->arguments[0], search->line,
+        app_stop(search->sweep.app, status, "%s: line %u: %s", search->sweep.app->arguments[0], search->line,
                  error.message);
 }
 
@@ -237,8 +227,10 @@ static lg_status find_objective(search_trial *self) {
 static int on_epoch(void *user, const lg_fit_epoch *report) {
     search_trial *self = user;
     searching *search = self->search;
-    const uint64_t parts = (uint64_t)search->options.rungs + 1, done = report->epoch, total = report->epochs;
-    app_progress_show(&search->progress, search->count, "trial %llu/%llu, epoch %llu/%llu, loss %.3g",
+    const uint64_t parts = (uint64_t)search->sweep.options.rungs + 1, done = report->epoch,
+                   total = report->epochs;
+    app_progress_show(&search->sweep.progress, trials_known(&search->sweep.work),
+                      "trial %llu/%llu, epoch %llu/%llu, loss %.3g",
                       (unsigned long long)self->trial->number + 1, (unsigned long long)search_given.trials,
                       (unsigned long long)done, (unsigned long long)total, report->loss);
     if (done == total || done * parts / total == (done - 1) * parts / total) return 0;
@@ -281,134 +273,9 @@ static lg_status run_trial(void *user, lg_search *session, lg_trial *trial, lg_e
     if (status == LG_OK) status = lg_training_hold_out(&task->training, search_given.validation, error);
     if (status == LG_OK) status = run_fit(&self, error);
     lg_training_release(&task->training);
+    app_progress_end(&search->sweep.progress);
+    app_progress_begin(&search->sweep.progress, search->sweep.before, search_given.trials);
     return status;
-}
-
-/* ---- the trials of all processes ---- */
-
-/* The result of a trial as processes exchange it. */
-typedef struct posted {
-    lg_trial trial;
-    char why[256]; /* why the trial failed */
-} posted;
-
-static void warn(searching *search, const posted *p) {
-    if (search->failure.status == LG_OK) {
-        search->failed = p->trial.number;
-        (void)lg_fail(&search->failure, LG_NO_CONVERGENCE, "%s", p->why);
-    }
-    app_warn(search->app, "trial %llu failed: %s", (unsigned long long)p->trial.number, p->why);
-}
-
-/* Whether the trial has the values that the sampler gives it; true if they do not depend on --trials. */
-static bool is_planned(const searching *search, const lg_trial *trial) {
-    const lg_sampler *sampler = lg_search_sampler(search->options.sampler);
-    const lg_search_space *space = &search->file->space;
-    double value[LG_RANGE_MAX];
-    if (!sampler->planned) return true;
-    (void)sampler->next(space, &search->options, trial->number, NULL, 0, value);
-    return memcmp(value, trial->value, space->count * sizeof *value) == 0;
-}
-
-static bool take_trial(void *user, size_t item, void *record, bool done, bool own) {
-    searching *search = user;
-    posted *p = record;
-    if (!own && (memchr(p->why, '\0', sizeof p->why) == NULL || p->trial.number != item ||
-                 !lg_trial_is_possible(&search->file->space, &p->trial) || !is_planned(search, &p->trial)))
-        return false;
-    if (!own) (void)lg_tame(p->why);
-    search->results[item] = p->trial;
-    const bool task = search_given.shared.task != NULL || search->work.child;
-    if (done && !task && p->trial.state == LG_TRIAL_FAILED) warn(search, p);
-    return true;
-}
-
-/* Collects the trials that are done, of the first `end`. */
-static void collect(searching *search, size_t end) {
-    search->count = 0;
-    for (size_t i = 0; i < end; i++)
-        if (search->work.known[i]) search->trials[search->count++] = search->results[i];
-    lg_search_settle(&search->options, search->trials, search->count);
-}
-
-static lg_status save(void *user, lg_error *error) {
-    searching *search = user;
-    collect(search, (size_t)search_given.trials);
-    if (search->written == search->count) return LG_OK;
-    search->written = search->count;
-    return lg_trials_write(search->app->context, search_given.out, search->file, search->app->seed,
-                           search->setting, search->trials, search->count, error);
-}
-
-/* Sets *before to the trials from which trial `number` learns: all before it, but with J jobs not the J - 1
- * last ones, which may be running. Tasks and ranks take what they have, and do not wait for each other. */
-static bool ended_before(searching *search, size_t number, const lg_trial **before, size_t *count) {
-    const bool alone = search->work.tasks == 1;
-    const size_t last = alone ? (size_t)search_given.jobs : 1,
-                 end = number + 1 > last ? number + 1 - last : 0;
-    search->stopped = !trials_wait(&search->work, alone ? end : 0);
-    collect(search, end);
-    *before = search->trials;
-    *count = search->count;
-    return true;
-}
-
-/* Shows the trial's progress to the other processes. Returns true if all trials with lower numbers are done
- * or have also passed this rung; then these trials are in *before. */
-static bool known_before(void *user, const lg_trial *trial, uint32_t rung, const lg_trial **before,
-                         size_t *count) {
-    searching *search = user;
-    const size_t number = (size_t)trial->number;
-    const posted piece = {.trial = *trial};
-    if (rung == LG_TRIAL_BEGINS) return ended_before(search, number, before, count);
-    trials_exchange(&search->work, number, &piece);
-    for (size_t i = 0; i < number; i++)
-        if (!search->work.known[i] && search->results[i].reports <= rung) return false;
-    memcpy(search->trials, search->results, number * sizeof *search->trials);
-    lg_search_settle(&search->options, search->trials, number);
-    *before = search->trials;
-    *count = number;
-    return true;
-}
-
-static lg_status do_trial(void *user, size_t item, void *record, lg_error *error) {
-    searching *search = user;
-    const lg_search_problem problem = {run_trial, search};
-    posted *p = record;
-    lg_error why = {LG_OK, ""};
-    search->count = trials_known(&search->work);
-    const lg_status status = lg_search_run_trial(&search->file->space, &search->options, &problem,
-                                                 known_before, item, &p->trial, &why);
-    app_progress_end(&search->progress);
-    app_progress_begin(&search->progress, search->before, search_given.trials);
-    (void)snprintf(p->why, sizeof p->why, "%.*s", (int)sizeof p->why - 1, why.message);
-    if (search->stopped) return lg_fail(error, LG_CANCELLED, "the search was stopped");
-    return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", why.message);
-}
-
-/* Takes the trials of the table that no part has. */
-static lg_status read_table(searching *search, lg_error *error) {
-    lg_status status =
-        lg_trials_read(search->app->context, search_given.out, search->file, search->app->seed,
-                       search->setting, (size_t)search_given.trials, search->trials, &search->count, error);
-    for (size_t i = 0; i < search->count && status == LG_OK; i++) {
-        const uint64_t number = search->trials[i].number;
-        if (number >= search_given.trials)
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "trial %llu was already run, but only %llu trials are planned in all",
-                           (unsigned long long)number, (unsigned long long)search_given.trials);
-        if (!is_planned(search, &search->trials[i]))
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           "trial %llu has other values than --sampler %s gives it with --trials %llu: give "
-                           "the --sampler and --trials with which the search began",
-                           (unsigned long long)number, lg_search_sampler_name(search->options.sampler),
-                           (unsigned long long)search->options.trials);
-        if (!search->work.known[number]) search->results[number] = search->trials[i];
-        search->work.known[number] = true;
-    }
-    search->written = search->count;
-    if (search->count > 0) app_continue(search_given.out);
-    return status == LG_NOT_FOUND ? LG_OK : status;
 }
 
 /* ---- results ---- */
@@ -426,23 +293,24 @@ static void put_trial(app_json *json, const lg_search_space *space, const char *
             LG_AS_REAL("objective", trial->objective), LG_AS_WHOLE("parameters", trial->parameters),
             LG_AS_WHOLE("epochs", trial->epochs), LG_AS_REAL("seconds", trial->seconds));
     app_json_open(json, "values", '{');
-    for (size_t i = 0; i < space->count; i++)
-        if (space->ranges[i].kind == LG_RANGE_CHOICE)
-            app_json_text(json, space->ranges[i].name, space->ranges[i].choice[(size_t)trial->value[i]]);
+    const double *value = trial->value;
+    for (const lg_range *range = space->ranges; range < space->ranges + space->count; range++, value++)
+        if (range->kind == LG_RANGE_CHOICE)
+            app_json_text(json, range->name, range->choice[(size_t)*value]);
         else
-            app_json_real(json, space->ranges[i].name, trial->value[i]);
+            app_json_real(json, range->name, *value);
     app_json_close(json, '}');
     app_json_close(json, '}');
 }
 
-static void print_trials(const searching *search) {
-    app_json *out = search->app->out;
-    APP_FREE const lg_trial **order = app_alloc(search->count, sizeof *order);
-    for (size_t i = 0; i < search->count; i++) order[i] = &search->trials[i];
-    qsort(order, search->count, sizeof *order, by_objective);
+static void print_trials(const sweep *self) {
+    app_json *out = self->app->out;
+    APP_FREE const lg_trial **order = app_alloc(self->count, sizeof *order);
+    for (size_t i = 0; i < self->count; i++) order[i] = &self->trials[i];
+    qsort(order, self->count, sizeof *order, by_objective);
     app_result_rows(out, NULL);
-    for (size_t i = 0; i < search->count && i < SHOWN_TRIALS; i++)
-        put_trial(out, &search->file->space, NULL, order[i]);
+    for (size_t i = 0; i < self->count && i < SHOWN_TRIALS; i++)
+        put_trial(out, &self->file->space, NULL, order[i]);
     app_result_rows_end(out);
 }
 
@@ -464,9 +332,9 @@ static void print_given(const app *self, FILE *out) {
 
 /* Prints the command line that trains with the best trial's settings. */
 static void print_best(searching *search, size_t best) {
-    const lg_trial *trial = &search->trials[best];
-    const app *self = search->app;
-    const size_t fixed = search->file->fixed_count;
+    const lg_trial *trial = &search->sweep.trials[best];
+    const app *self = search->sweep.app;
+    const size_t fixed = search->sweep.file->fixed_count;
     FILE *out = self->out->stream;
     app v = virtual_begin(search);
     lg_error ignored;
@@ -492,29 +360,30 @@ static void print_best(searching *search, size_t best) {
 }
 
 static void report(searching *search, double seconds) {
-    const size_t best = lg_search_best(search->trials, search->count);
+    const sweep *self = &search->sweep;
+    const size_t best = lg_search_best(self->trials, self->count);
     size_t states[LG_TRIAL_STATE_COUNT] = {0};
-    for (size_t i = 0; i < search->count; i++) states[search->trials[i].state]++;
-    app_json *json = search->app->out;
-    if (!search->app->json) print_trials(search);
-    app_result_line(json, "%zu trials: %zu done, %zu stopped early, %zu failed (%.1f s)", search->count,
+    for (size_t i = 0; i < self->count; i++) states[self->trials[i].state]++;
+    app_json *json = self->app->out;
+    if (!self->app->json) print_trials(self);
+    app_result_line(json, "%zu trials: %zu done, %zu stopped early, %zu failed (%.1f s)", self->count,
                     states[LG_TRIAL_DONE], states[LG_TRIAL_PRUNED], states[LG_TRIAL_FAILED], seconds);
-    APP_PUT(json, LG_AS_WHOLE("trials", search->count), LG_AS_WHOLE("new", search->count - search->before));
+    APP_PUT(json, LG_AS_WHOLE("trials", self->count), LG_AS_WHOLE("new", self->count - self->before));
     for (int i = 0; i < LG_TRIAL_STATE_COUNT; i++)
         app_json_size(json, lg_trial_state_name((lg_trial_state)i), states[i]);
-    if (best < search->count && search->app->json)
-        put_trial(json, &search->file->space, "best", &search->trials[best]);
-    if (best < search->count && !search->app->json) print_best(search, best);
-    APP_PUT(json, LG_AS_WHOLE("seed", search->app->seed), LG_AS_WHOLE("threads", search->app->threads),
+    if (best < self->count && self->app->json)
+        put_trial(json, &self->file->space, "best", &self->trials[best]);
+    if (best < self->count && !self->app->json) print_best(search, best);
+    APP_PUT(json, LG_AS_WHOLE("seed", self->app->seed), LG_AS_WHOLE("threads", self->app->threads),
             LG_AS_TEXT("out", search_given.out), LG_AS_REAL("seconds", seconds));
 }
 
 /* ---- the plot ---- */
 
 static void put_search(app_plot *plot, const void *user) {
-    const searching *search = user;
-    app_plot_text(plot, "%zu", search->count);
-    for (const lg_trial *at = search->trials; at < search->trials + search->count; at++)
+    const sweep *self = user;
+    app_plot_text(plot, "%zu", self->count);
+    for (const lg_trial *at = self->trials; at < self->trials + self->count; at++)
         APP_PLOT_ROW(plot, 9, (double)at->number, at->state == LG_TRIAL_DONE, at->state == LG_TRIAL_PRUNED,
                      at->objective);
 }
@@ -525,41 +394,13 @@ const app_plot_kind search_plots[] = {
 
 /* ---- the command ---- */
 
-static int none_done(const searching *search) {
-    if (search->failure.status == LG_OK)
-        return app_fail(search->app, LG_NO_CONVERGENCE, "none of the %zu trials in %s was finished",
-                        search->count, search_given.out);
-    return app_fail(search->app, LG_NO_CONVERGENCE,
-                    "none of %zu trials was finished; trial %llu failed first: %s", search->count,
-                    (unsigned long long)search->failed, search->failure.message);
-}
-
-static int run_search(searching *search) {
-    const app *self = search->app;
-    char label[LG_SEARCH_LABEL];
-    lg_error error = {LG_OK, ""};
-    const double begin = app_seconds();
-    /* The label of a table of trials is a sure sign; a comment that begins as it does is not. */
-    const lg_status found = lg_trials_read(self->context, search_given.out, search->file, self->seed,
-                                           search->setting, 0, NULL, &search->count, &error);
-    if (!self->continues)
-        app_check_text(self, search_given.out,
-                       found == LG_FORMAT ? "no table of trials" : "# " LG_SEARCH_SEED);
-    lg_search_label(search->file, self->seed, search->setting, label);
-    app_must_file(self, trials_open(&search->work, label, &error), &error, search_given.out);
-    const lg_status status = self->continues ? read_table(search, &error) : LG_OK;
-    if (status == LG_INVALID_ARGUMENT) app_must(self, status, &error);
-    app_must_file(self, status, &error, search_given.out);
-    search->before = trials_known(&search->work);
-    app_progress_begin(&search->progress, search->before, search_given.trials);
-    const bool whole = trials_run(&search->work);
-    app_progress_end(&search->progress);
-    if (!whole) return APP_EXIT_OK;
-    app_must_file(self, save(search, &error), &error, search_given.out);
-    trials_end(&search->work);
-    app_plot_draw(self, 0, search);
-    report(search, app_seconds() - begin);
-    return lg_search_best(search->trials, search->count) < search->count ? APP_EXIT_OK : none_done(search);
+static int none_done(const sweep *self) {
+    if (self->failure.status == LG_OK)
+        return app_fail(self->app, LG_NO_CONVERGENCE, "none of the %zu trials in %s was finished",
+                        self->count, search_given.out);
+    return app_fail(self->app, LG_NO_CONVERGENCE,
+                    "none of %zu trials was finished; trial %zu failed first: %s", self->count, self->failed,
+                    self->failure.message);
 }
 
 /* Takes the numbers of --rungs; missing numbers keep their defaults. */
@@ -586,55 +427,53 @@ static void take_rungs(const app *self, lg_search_options *options) {
 }
 
 /* A grid may have fewer points than trials are planned, or more. */
-static void plan(searching *search) {
-    const lg_sampler *sampler = lg_search_sampler(search->options.sampler);
+static void plan(sweep *self) {
+    const lg_sampler *sampler = lg_search_sampler(self->options.sampler);
     const uint64_t planned = search_given.trials;
     double levels[LG_RANGE_MAX];
     if (sampler->points == NULL) return;
-    const double points = sampler->points(&search->file->space, planned, levels);
-    if (points < (double)planned) search->work.count = search_given.trials = (size_t)points;
+    const double points = sampler->points(&self->file->space, planned, levels);
+    if (points < (double)planned) self->work.count = search_given.trials = (size_t)points;
     if (points != (double)planned)
-        app_note(search->app, "the grid has %.0f points, and %zu trials are made", points,
-                 search->work.count);
+        app_note(self->app, "the grid has %.0f points, and %zu trials are made", points, self->work.count);
 }
 
 void search_main(app *self, const app_command *train, train_task *task) {
     const char *ranges = self->arguments[0];
     APP_FREE lg_search_file *file = app_alloc(1, sizeof *file);
-    searching search = {.app = self,
+    searching search = {.sweep = {.app = self,
+                                  .file = file,
+                                  .run = run_trial,
+                                  .work = {.app = self,
+                                           .values = &search_given.shared,
+                                           .out = search_given.out,
+                                           .noun = "trials",
+                                           .resume = "continue with --continue",
+                                           .count = (size_t)search_given.trials,
+                                           .threads = 1,
+                                           .jobs = search_given.jobs}},
                         .train = train,
-                        .task = task,
-                        .file = file,
-                        .work = {.app = self,
-                                 .values = &search_given.shared,
-                                 .out = search_given.out,
-                                 .noun = "trials",
-                                 .resume = "continue with --continue",
-                                 .count = (size_t)search_given.trials,
-                                 .record = sizeof(posted),
-                                 .threads = 1,
-                                 .jobs = search_given.jobs,
-                                 .user = &search,
-                                 .run = do_trial,
-                                 .take = take_trial,
-                                 .save = save}};
-    take_rungs(self, &search.options);
-    const app_path out = trials_choose(&search.work, NULL);
-    self->continues = search_given.resume || trials_continues(&search.work);
-    app_check_outputs(self, &out, 1);
+                        .task = task};
+    take_rungs(self, &search.sweep.options);
+    sweep_choose(&search.sweep, search_given.resume);
+    self->continues = search.sweep.continues;
     train_begin(self, task, 1);
     APP_FILE(self, ranges, lg_search_file_read, file);
     check_and_read(&search);
-    plan(&search);
-    search.results = app_alloc(search_given.trials, sizeof *search.results);
-    search.trials = app_alloc(search_given.trials, sizeof *search.trials);
-    (void)snprintf(search.setting, sizeof search.setting,
-                   "data %s validation %.17g rungs %u warm-up %u quantile %.17g", task->training.sha256,
-                   search_given.validation, search.options.rungs, search.options.warm_up,
-                   search.options.quantile);
-    self->code = run_search(&search);
-    free(search.results);
-    free(search.trials);
-    trials_close(&search.work);
+    plan(&search.sweep);
+    APP_FREE char *setting =
+        app_format("data %s validation %.17g rungs %u warm-up %u quantile %.17g", task->training.sha256,
+                   search_given.validation, search.sweep.options.rungs, search.sweep.options.warm_up,
+                   search.sweep.options.quantile);
+    search.sweep.setting = setting;
+    const double begin = app_seconds();
+    if (sweep_run(&search.sweep)) {
+        app_plot_draw(self, 0, &search.sweep);
+        report(&search, app_seconds() - begin);
+        const size_t count = search.sweep.count;
+        self->code =
+            lg_search_best(search.sweep.trials, count) < count ? APP_EXIT_OK : none_done(&search.sweep);
+    }
+    sweep_close(&search.sweep);
     lg_training_close(&task->training);
 }

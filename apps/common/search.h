@@ -3,9 +3,8 @@
 #ifndef LG_APPS_SEARCH_H
 #define LG_APPS_SEARCH_H
 
+#include "common/sweep.h"
 #include "common/train.h"
-#include "common/trials.h"
-#include "liegrad/settings.h"
 
 typedef struct search_values {
     const char *out;

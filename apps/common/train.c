@@ -351,12 +351,12 @@ static void adopt_size(app *self, const app_settings *settings, const void *from
 /* Opens the checkpoint of --resume. Options that were not given on the command line get the stored run's
  * values. With --preset the run is derived again from preset and options, and then compared with the stored
  * run. */
-static void open_stored(app *self, const train_task *task, stored_run *stored) {
+static void open_stored(app *self, train_task *task, stored_run *stored) {
     if (files->resume == NULL) return;
     stored->run = app_keep(1, task->settings[0].size);
     APP_FILE(self, files->resume, lg_checkpoint_open, NULL, task->recipe, stored->run, &stored->reader);
     adopt_size(self, &task->settings[0], stored->run);
-    if (!app_given(self, "preset")) app_adopt(self, &task->settings[0], stored->run, false);
+    if (!app_given(self, "preset")) lg_training_adopt(&task->training, stored->run, false);
     if (!self->seed_given) self->seed = stored_training(task, stored)->seed;
 }
 

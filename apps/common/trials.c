@@ -282,10 +282,9 @@ static void work(void *user, size_t thread) {
     trials_work *self = user;
     APP_FREE void *record = app_alloc(self->record, 1);
     size_t item;
-    for (size_t done = 0; !is_stopped(self); done++) {
+    while (!is_stopped(self)) {
         lg_error error = {LG_OK, ""};
-        /* the limit is divided among the threads */
-        if (self->most > 0 && thread + done * self->threads >= self->most) return;
+        if (self->most > 0 && atomic_fetch_add(&self->begun, 1) >= self->most) return;
         if (!next_item(self, &item)) return;
         finish(self, item, record, self->run(self->user, item, record, &error), &error);
     }

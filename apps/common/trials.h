@@ -70,6 +70,7 @@ typedef struct trials_work {
     size_t task, tasks, fresh; /* fresh: number of items that this process and its jobs have done */
     char label[TRIALS_LABEL];
     struct trials_part *parts;
+    atomic_size_t begun; /* number of items that the threads of this process have begun */
     atomic_size_t turn,
         *turns; /* number of items of this task that are taken; *turns is shared by the jobs */
     pthread_mutex_t mutex;

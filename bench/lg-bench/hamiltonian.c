@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "files/read_file.h"
 #include "lg-bench/bench.h"
 #include "liegrad/hamiltonian.h"
 #include "liegrad/mechanics.h"
@@ -216,8 +217,10 @@ static void train(bench *b, training *l) {
 
 static void read_weights(const bench *b, training *l) {
     const size_t n = lg_hamiltonian_parameters(&l->model);
-    FILE *file = app_open(b->given->weights);
-    const bool whole = file != NULL && fread(l->theta, sizeof *l->theta, n, file) == n && fgetc(file) == EOF;
+    FILE *file = NULL;
+    uint64_t bytes;
+    const bool whole = lg_read_open(b->given->weights, &file, &bytes, NULL) == LG_OK &&
+                       bytes == n * sizeof *l->theta && fread(l->theta, sizeof *l->theta, n, file) == n;
     if (file != NULL) (void)fclose(file);
     if (!whole) exit(app_fail_file(b->app, LG_FORMAT, NULL, b->given->weights));
 }

@@ -241,7 +241,7 @@ typedef struct lg_trial {
     uint64_t number; /* number of the trial: 0, 1, ... */
     lg_trial_state state;
     double objective; /* to be minimised. The last reported one if the trial was pruned; NaN if it failed */
-    double seconds;   /* wall time, set by the search */
+    double seconds;   /* wall time; the search sets it if the trial has not done so */
     uint64_t parameters, epochs;     /* number of parameters of the model; epochs done */
     double value[LG_RANGE_MAX];      /* drawn value of each range */
     uint32_t reports;                /* number of rungs reached */
@@ -339,6 +339,7 @@ typedef struct lg_search_file {
     char fixed_value[LG_RANGE_MAX][LG_SEARCH_FIXED_TEXT];
     /* Lines of the file on which the ranges and the fixed options stand, for messages of the caller. */
     uint32_t line[LG_RANGE_MAX], fixed_line[LG_RANGE_MAX];
+    struct lg_trial_layout *layout; /* of a table of trials that is not of a search (internal); else NULL */
 } lg_search_file;
 /* Reads the YAML (or JSON) file of a search (docs/files.md). Errors, with the line: LG_FORMAT also for a
  * space that lg_search_space_check refuses, a name that occurs twice (also as a fixed option and a range),

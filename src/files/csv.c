@@ -370,10 +370,7 @@ void lg_columns_number(lg_columns *to, double value) {
     char text[LG_SHORTEST];
     lg_text *out = lg_columns_cell(to);
     if (!isfinite(value) && !to->words) return;
-    if (to->shortest)
-        lg_format_shortest(text, value, false);
-    else
-        (void)lg_format(text, sizeof text, "%.17g", isnan(value) ? (double)NAN : value);
+    (void)lg_format(text, sizeof text, "%.17g", isnan(value) ? (double)NAN : value);
     lg_text_append(out, text, strlen(text));
 }
 

@@ -94,11 +94,10 @@ lg_status lg_csv_fail(const lg_csv *c, lg_error *error, const char *what);
 /* The one writer of CSV: cells, each added to the row, and ends of rows. Initialise with {.text.context =
  * c}. Failures of memory stay in the text until lg_columns_write. */
 typedef struct lg_columns {
-    lg_text text;  /* the file so far */
-    size_t row;    /* where the row begins */
-    bool open;     /* the row has a cell */
-    bool words;    /* numbers that are not finite are nan, inf and -inf; otherwise their cells are empty */
-    bool shortest; /* numbers have the fewest digits that read back as the same number; otherwise 17 */
+    lg_text text; /* the file so far */
+    size_t row;   /* where the row begins */
+    bool open;    /* the row has a cell */
+    bool words;   /* numbers that are not finite are nan, inf and -inf; otherwise their cells are empty */
 } lg_columns;
 
 /* Begins a cell and returns the text, to which the caller adds the cell. It must not need quotes. */

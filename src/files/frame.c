@@ -203,7 +203,7 @@ static lg_status read_number(lg_frame *f, size_t row, uint32_t column, const cha
         if (isfinite(*out)) return LG_OK;
     }
     const lg_status status = lg_number_parse(cell, out);
-    if (status == LG_OK || (status == LG_UNSUPPORTED && f->ours)) return LG_OK;
+    if (status == LG_OK) return LG_OK;
     if (status == LG_UNSUPPORTED) return fail_rounded(f, row, column, show, error);
     const bool comma = strchr(cell, ',') != NULL;
     return lg_frame_fail(

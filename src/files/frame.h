@@ -108,8 +108,7 @@ typedef struct lg_frame {
     size_t wants;
     /* A table that liegrad wrote and continues. Its columns are the first of those that are wanted, in their
      * order; two may have one name. No line between them and the last row is blank or a comment. A last line
-     * without its line end, which was not written whole, is left out. Whole numbers, as seeds are, may be
-     * rounded to doubles. */
+     * without its line end, which was not written whole, is left out. */
     bool ours;
     /* Set by lg_frame_open. */
     const char *shown, *place; /* shown: the path in messages; place: "line" or "row" */

@@ -216,7 +216,7 @@ lg_status lg_search_run_trial(const lg_search_space *space, const lg_search_opti
     lg_status status = choose_values(&search, space);
     const double start = lg_seconds();
     if (status == LG_OK) status = problem->run(problem->user, &search, trial, why);
-    trial->seconds = lg_seconds() - start;
+    if (trial->seconds == 0) trial->seconds = lg_seconds() - start;
     trial->number = number;
     if (status == LG_CANCELLED && search.stopped) status = LG_OK;
     if (status == LG_CANCELLED)

@@ -35,8 +35,5 @@ without_seconds() {
 
 same_table() { diff <(without_seconds "$1") <(without_seconds "$2") >/dev/null; }
 
-# The rows of a study are in the order in which they were added.
-same_rows() { diff <(without_seconds "$1" | sort) <(without_seconds "$2" | sort) >/dev/null; }
-
 # The hash of the data that a command wrote, from its JSON.
 sha() { grep -o '"sha256": "[0-9a-f]*"' "$1"; }

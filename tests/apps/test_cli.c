@@ -463,6 +463,103 @@ TEST("damaged rows of a study are found, whether this grid has their run or not;
     cli_json(lg, "study grid.yaml --out other.csv", "new 0");
 }
 
+/* Command lines that change grid.yaml. */
+#define OTHER_GRID(change) "sed '" change "' grid.yaml > other.yaml && ! cmp -s grid.yaml other.yaml"
+
+TEST("a study and a search reject the table of the other, which stays as it is") {
+    cli_json(lg, "study grid.yaml --out study.csv --jobs 1", "done 8");
+    cli_write("ranges.yaml", "fixed: {epochs: 2, hidden: 4}\nranges:\n  batch: {choice: [8, 16]}\n");
+    cli_expect(lg, "search ranges.yaml train.h5 --trials 2 --out search.csv", 0, "best: trial");
+    shell("cp study.csv study-kept.csv && cp search.csv search-kept.csv");
+    cli_expect(lg, "search ranges.yaml train.h5 --trials 2 --out study.csv", 3,
+               "study.csv: exists and is not an earlier result of this kind");
+    /* the table is looked at before the data */
+    cli_expect(lg, "search ranges.yaml nowhere.h5 --trials 2 --out study.csv", 3, "is not an earlier result");
+    cli_expect(lg, "search ranges.yaml train.h5 --trials 2 --out study.csv --continue", 3,
+               "study.csv: line 1: '# seed S space HASH setting HASH' is expected");
+    cli_expect(lg, "search ranges.yaml train.h5 --trials 2 --out study.csv --task 0/2", 3, "line 1");
+    cli_expect(lg, "study grid.yaml --out search.csv", 3,
+               "this is not the table of a study: column 1 is 'trial', expected: integrator");
+    cli_expect(lg, "study grid.yaml --out search.csv --task 0/2", 3, "this is not the table of a study");
+    shell("cmp study.csv study-kept.csv && cmp search.csv search-kept.csv && ! ls *.part-* 2>/dev/null");
+}
+
+TEST("a run of a study whose row lacks a result counts as not done") {
+    static const char *const changes[] = {"2s/^\\(\\([^,]*,\\)\\{8\\}\\)[^,]*,[^,]*,[^,]*/\\1,,/",
+                                          "2s/^\\(\\([^,]*,\\)\\{8\\}\\)[^,]*/\\1/",
+                                          "2s/^\\(\\([^,]*,\\)\\{10\\}\\)[^,]*/\\1/"};
+    cli_json(lg, "study grid.yaml --out whole.csv --jobs 1", "done 8");
+    for (size_t i = 0; i < LG_COUNT(changes); i++) {
+        shell("sed '%s' whole.csv > empty.csv && grep -q ',,.*,ok' empty.csv", changes[i]);
+        cli_json(lg, "study grid.yaml --out empty.csv --jobs 1", "done 8, new 1");
+        shell("cut -d, -f1-11 empty.csv > a && cut -d, -f1-11 whole.csv > b && cmp a b");
+    }
+}
+
+TEST("runs of a study are known by their settings and seed, wherever their rows come from") {
+    cli_json(lg, "study grid.yaml --out whole.csv --jobs 1", "done 8");
+    for (int task = 0; task < 2; task++) {
+        cli_expect(lg, test_text("study grid.yaml --out half.csv --task %d/2", task), 0, "");
+        cli_expect(lg, "study grid.yaml --out half.csv --merge", 3, "4 of 8 pieces are not done yet");
+        shell("mv half.csv half-%d.csv && rm half.csv.part-%d-of-2", task, task);
+    }
+    shell("(cat half-1.csv; sed 1d half-0.csv) > joined.csv");
+    cli_json(lg, "study grid.yaml --out joined.csv --plot joined.svg", "done 8, new 0");
+    shell("cut -d, -f1-11 whole.csv | sort > a && cut -d, -f1-11 joined.csv | sort > b && cmp a b");
+    /* rows of the first half again: the table keeps them, and the first ones count */
+    shell("sed '1d; s/^\\(\\([^,]*,\\)\\{9\\}\\)[^,]*/\\10.5/' half-0.csv >> joined.csv");
+    cli_json(lg, "study grid.yaml --out joined.csv", "done 12, new 0");
+    assert_null(strstr(result.out, "\"E1\": 0.5"));
+    shell(OTHER_GRID("s/^seed.*/seed: 4/"));
+    cli_json(lg, "study other.yaml --out seed-4.csv --jobs 1", "done 8");
+    shell("(cat half-0.csv; sed 1d seed-4.csv) > joined.csv");
+    cli_expect(lg, "study grid.yaml --out joined.csv", 3, "joined.csv: line 6: column seed: the row belongs");
+    shell(
+        "awk -F, -v OFS=, 'NR > 1 {$8 = sprintf(\"%%.14E\", $8)} 1' whole.csv > joined.csv"); /* a spreadsheet */
+    cli_json(lg, "study grid.yaml --out joined.csv", "done 8, new 0");
+    shell(
+        "sed '2s/,1,\\([0-9]\\{12,\\}\\),/,2,\\1,/' whole.csv > joined.csv && ! cmp -s whole.csv joined.csv");
+    cli_expect(lg, "study grid.yaml --out joined.csv", 3, "joined.csv: line 2: column seed: the row belongs");
+}
+
+TEST("a study continues the table of a grid with more values, fewer values and other ones, and keeps all "
+     "rows") {
+    cli_json(lg, "study grid.yaml --out rows.csv --jobs 1", "planned 8, done 8, new 8");
+    shell("sort rows.csv > rows");
+    shell(OTHER_GRID("s/^N:.*/N: [12]/; s/^integrators:.*/integrators: [euler]/"));
+    cli_json(lg, "study other.yaml --out rows.csv --jobs 1", "planned 2, done 8, new 0");
+    shell("sort rows.csv | cmp rows -");
+    shell(OTHER_GRID("s/^eps:.*/eps: [0.25]/; s/^repeats:.*/repeats: 3/"));
+    cli_json(lg, "study other.yaml --out rows.csv --jobs 1", "planned 12, done 20, new 12");
+    cli_json(lg, "study grid.yaml --out rows.csv", "planned 8, done 20, new 0");
+    shell(OTHER_GRID("s/^eps:.*/eps: [0, 0.25]/; s/^repeats:.*/repeats: 3/"));
+    cli_json(lg, "study other.yaml --out rows.csv --jobs 1", "planned 24, done 24, new 4");
+    shell("sort rows.csv | comm -13 - rows | cmp - /dev/null");
+}
+
+TEST("a value that stands twice in a grid counts once") {
+    shell(OTHER_GRID("s/^eps:.*/eps: [0, 0.0, -0]/; s/^integrators:.*/integrators: [cf4, euler, cf4]/"));
+    cli_json(lg, "study other.yaml --out twice.csv --jobs 1", "planned 8, done 8, new 8");
+    assert_says(result.err, "eps: 0 stands twice and counts once");
+    assert_says(result.err, "integrator: cf4 stands twice and counts once");
+    cli_json(lg, "study grid.yaml --out twice.csv", "planned 8, done 8, new 0");
+}
+
+TEST("the table of a study or search that has no row yet is continued") {
+    cli_write("head.csv", "integrator,substeps,N,M,eps,penalty,repeat,seed,loss,E1,E2,seconds,epochs,status,"
+                          "protocol\n");
+    cli_json(lg, "study grid.yaml --out head.csv --jobs 1", "done 8, new 8");
+    cli_write("head.csv", "");
+    cli_json(lg, "study grid.yaml --out head.csv --jobs 1", "done 8, new 8");
+    cli_write("ranges.yaml", "fixed: {epochs: 2, hidden: 4}\nranges:\n  batch: {choice: [8, 16]}\n");
+    for (int lines = 1; lines < 3; lines++) {
+        cli_forget("trials.csv");
+        cli_expect(lg, "search ranges.yaml train.h5 --trials 2 --out trials.csv", 0, "");
+        shell("sed -i '%d,$d' trials.csv", lines + 1);
+        cli_json(lg, "search ranges.yaml train.h5 --trials 2 --out trials.csv --continue", "new 2");
+    }
+}
+
 TEST("the plot of a study has a block for each integrator, also when runs failed") {
     static char text[65536];
     cli_expect(lg, "study grid.yaml --out lost.csv --jobs 1", 0, "");

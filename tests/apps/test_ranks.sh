@@ -78,13 +78,13 @@ study="lg-hamiltonian study grid.yaml --threads 1"
 rm -f one.csv many.csv # histories of trainings
 $search --sampler grid --out one.csv >out 2>&1
 ranks -n 3 $search --sampler grid --out many.csv --json >out 2>err || fail "grid: $(cat err)"
-same_rows one.csv many.csv || fail "3 ranks give another grid"
+same_table one.csv many.csv || fail "3 ranks give another grid"
 rm -f one.csv many.csv
 for kind in search study; do
     command=${!kind}
     $command --out one.csv >out 2>&1
     ranks -n 3 $command --out many.csv --json >out 2>err || fail "$kind: $(cat err)"
-    same_rows one.csv many.csv || fail "$kind: 3 ranks give another table"
+    same_table one.csv many.csv || fail "$kind: 3 ranks give another table"
     [ "$(wc -l <out)" = 1 ] || fail "$kind: all ranks report: $(cat out)"
     rm -f many.csv
     ranks -n 4 $command --out many.csv >out 2>err &
@@ -95,7 +95,7 @@ for kind in search study; do
     wait $job || true
     # Two ranks continue from the parts of the four, unless these had finished.
     [ -e many.csv ] || ranks -n 2 $command --out many.csv --json >out 2>err || fail "$kind: $(cat err)"
-    same_rows one.csv many.csv || fail "$kind: a killed rank changes the table"
+    same_table one.csv many.csv || fail "$kind: a killed rank changes the table"
     ! ls many.csv.part-* 2>/dev/null || fail "$kind: parts are left"
     rm -f one.csv many.csv*
 done

@@ -68,7 +68,7 @@ for kind in search study; do
     [ $first = 0 ] || grep -q "is being written by process" rest || fail "$kind: first of two commands: $(cat rest)"
     [ $second = 0 ] || grep -q "is being written by process" rest2 || fail "$kind: second of two commands: $(cat rest2)"
     [ $first = 0 ] || [ $second = 0 ] || fail "$kind: both of two commands are refused"
-    same_rows $kind.csv f/t.csv || fail "$kind: killed tasks changed the table"
+    same_table $kind.csv f/t.csv || fail "$kind: killed tasks changed the table"
     ! parts || fail "$kind: a part is left after killed tasks"
     rm -f f/t.csv*
 done
@@ -145,7 +145,7 @@ $study --out t.csv --merge 2>err >out || code=$?
 [ $code = 3 ] && grep -q "29 of 32 pieces are not done yet" err && [ -s t.csv ] || fail "a merge of three runs: $code $(cat err)"
 for i in 0 1; do $study --out t.csv --task $i/2 >rest; done
 $study --out t.csv --merge >merged
-same_rows study.csv t.csv || fail "a second merge wrote the rows of the first one again, or lost some"
+same_table study.csv t.csv || fail "a second merge wrote the rows of the first one again, or lost some"
 rm -f t.csv*
 code=0
 $search --out t.csv --merge 2>err >out || code=$?

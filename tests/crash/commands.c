@@ -52,11 +52,10 @@ const job jobs[] = {
      .outputs = {"trials.csv"}},
     {"`lg-hamiltonian study`", "lg-hamiltonian",
      "study @../in/grid.yaml:../in/few.yaml --threads 1 --jobs 1 --out study.csv", .checkpoint = "study.csv",
-     .again = "", .adds = true, .parts = ".csv", .outputs = {"study.csv"}},
+     .again = "", .parts = ".csv", .outputs = {"study.csv"}},
     {"`lg-hamiltonian study`, 2 jobs, plot", "lg-hamiltonian",
      "study @../in/grid.yaml:../in/few.yaml --threads 2 --jobs 2 --out study.csv --plot study.svg",
-     .checkpoint = "study.csv", .again = "", .adds = true, .unordered = true, .parts = ".csv",
-     .outputs = {"study.csv"}},
+     .checkpoint = "study.csv", .again = "", .parts = ".csv", .outputs = {"study.csv"}},
     {"`lg-hamiltonian generate`", "lg-hamiltonian",
      "generate ../in/pendulum.yaml --threads 2 --trajectories @4000:20 --points @60:5 --out made.h5",
      .keeps = true, .outputs = {"made.h5"}},
@@ -307,10 +306,7 @@ static bool is_folder(const char *name) {
 }
 
 bool digest(const job *j, const char *path, char text[LG_SHA256_TEXT]) {
-    char sorted[512];
-    (void)snprintf(sorted, sizeof sorted, "%.400s/sorted.csv", base);
-    if (j->unordered) run_shell("(sed 1q '%s'; sed 1d '%s' | sort) > '%s'", path, path, sorted);
-    return is_folder(path) ? digest_folder(path, text) : digest_file(j->unordered ? sorted : path, text);
+    return is_folder(path) ? digest_folder(path, text) : digest_file(path, text);
 }
 
 /* ---- progress of a command ---- */

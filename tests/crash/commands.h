@@ -22,8 +22,6 @@ typedef struct job {
     bool counted;         /* each step of progress renames the checkpoint once */
     bool keeps;           /* an existing output is replaced only at the end */
     bool appends;         /* the output is a log, to which a second run appends */
-    bool unordered;       /* rows are in the order in which they were finished */
-    bool adds;            /* rows are added to the checkpoint, which is an output */
     const char *parts;    /* ending of outputs that may lack a part if a warning says that the part failed */
     const char *fallback; /* arguments whose outputs[0] may be left if another output could not be written */
     const char *outputs[OUTPUTS];

@@ -16,7 +16,6 @@ static void print_job(const job *j) {
     (void)printf("%s\t%s\t%s\t%s\t%s\t%s", j->name, j->program, words,
                  j->checkpoint != NULL ? j->checkpoint : "", j->again != NULL ? j->again : "",
                  j->appends ? "appends"
-                 : j->adds  ? "adds"
                  : j->keeps ? "keeps"
                             : "");
     for (int i = 0; i < OUTPUTS && j->outputs[i] != NULL; i++) (void)printf("\t%s", j->outputs[i]);

@@ -49,7 +49,7 @@ static const job rank_jobs[] = {
      "search ../in/ranges.yaml ../in/curves.h5 --threads 1 --trials 12 --seed 3 --out trials.csv",
      CONTINUES("trials.csv")},
     {"`lg-hamiltonian study`", "lg-hamiltonian", "study ../in/wide.yaml --threads 1 --out study.csv",
-     .unordered = true, CONTINUES("study.csv")},
+     CONTINUES("study.csv")},
     {"`lg-hamiltonian generate`", "lg-hamiltonian",
      "generate ../in/pendulum.yaml --threads 1 --trajectories 8000 --points 60 --out made.h5", .keeps = true,
      .outputs = {"made.h5"}},

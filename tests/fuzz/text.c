@@ -5,6 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "common/app.h"
 #include "control/policy.h"
 #include "files/csv.h"
 #include "files/frame.h"
@@ -16,8 +17,8 @@
 #include "liegrad/machine.h"
 #include "liegrad/mechanics.h"
 #include "liegrad/settings.h"
-#include "lg-hamiltonian/study.h"
 #include "liegrad/table.h"
+#include "settings/settings.h"
 #include "table/files/recipe.h"
 #include "nn/search.h"
 
@@ -140,45 +141,63 @@ void fuzz_task(const uint8_t *data, size_t size) {
 
 /* ---- tables of searches and studies, which commands resume ---- */
 
+enum { TRIALS = 64 };
+
+static void read_trials(const lg_search_file *search, const char *head, const uint8_t *data, size_t size) {
+    static lg_trial trials[TRIALS];
+    lg_error error = {LG_OK, ""};
+    size_t count = 0;
+    char text[LG_SEARCH_LABEL + 1024 + 4];
+    const size_t before = strlen(head), length = size < 1024 ? size : 1024;
+    memcpy(text, head, before);
+    memcpy(text + before, data, length);
+    const char *path = fuzz_file(text, before + length);
+    const lg_status status = lg_trials_read(NULL, path, search, 1, NULL, TRIALS, trials, &count, &error);
+    fuzz_status(status, &error);
+    if (status == LG_OK && count > TRIALS) abort();
+    for (size_t i = 0; status == LG_OK && i < count; i++)
+        if (!lg_trial_is_possible(search, &trials[i])) abort();
+}
+
 void fuzz_trials(const uint8_t *data, size_t size) {
-    enum { ROOM = 64 };
     static const lg_search_file search = {
         .space = {3,
                   {{.name = "lr", .kind = LG_RANGE_LOG_UNIFORM, .low = 1e-4, .high = 1},
                    {.name = "layers", .kind = LG_RANGE_INTEGER, .low = 0, .high = 4},
                    {.name = "kind", .kind = LG_RANGE_CHOICE, .choices = 2, .choice = {"mlp", "resnet"}}}}};
-    static lg_trial trials[ROOM];
-    lg_error error = {LG_OK, ""};
-    size_t count = 0;
-    char text[LG_SEARCH_LABEL + 1024 + 4], label[LG_SEARCH_LABEL];
+    char label[LG_SEARCH_LABEL], head[LG_SEARCH_LABEL + 4];
     lg_search_label(&search, 1, NULL, label); /* a fuzzer does not guess its hashes */
-    const int head = snprintf(text, sizeof text, "# %s\n", label);
-    const size_t length = size < 1024 ? size : 1024;
-    memcpy(text + head, data, length);
-    const char *path = fuzz_file(text, (size_t)head + length);
-    const lg_status status = lg_trials_read(NULL, path, &search, 1, NULL, ROOM, trials, &count, &error);
-    fuzz_status(status, &error);
-    if (status == LG_OK && count > ROOM) abort();
+    (void)snprintf(head, sizeof head, "# %s\n", label);
+    read_trials(&search, head, data, size);
+}
+
+static void mark(void *user, const lg_trial *trial, const char *column, char text[LG_RANGE_NAME]) {
+    (void)snprintf(text, LG_RANGE_NAME, "%s", strcmp(column, "seed") == 0 ? "1" : "93850b707585");
 }
 
 void fuzz_study(const uint8_t *data, size_t size) {
-    const lg_scheme *const integrators[] = {lg_scheme_find("cf4"), lg_scheme_find("euler")};
-    study_table table = {.count = {[AXIS_INTEGRATOR] = 2, [AXIS_N] = 2},
-                         .value = {[AXIS_N] = {10, 20.5}},
-                         .integrators = integrators,
-                         .repeats = 2};
-    static const int single[] = {AXIS_SUBSTEPS, AXIS_M, AXIS_EPS, AXIS_PENALTY};
-    for (size_t i = 0; i < LG_COUNT(single); i++) {
-        table.count[single[i]] = 1;
-        table.value[single[i]][0] = (double)i;
-    }
-    study_set_protocol(&table, "fuzz");
-    lg_error error = {LG_OK, ""};
-    const lg_status status = study_table_open(&table, fuzz_file(data, size), &error);
-    fuzz_status(status, &error);
-    for (size_t i = 0; status == LG_OK && i < study_cells(&table); i++)
-        if (study_summarise(&table, i, STUDY_CELL, STUDY_ANY).runs > table.repeats) abort();
-    study_table_close(&table);
+    static const char *const columns[] = {"integrator", "substeps", "N",        "M",  "eps", "penalty",
+                                          "repeat",     "seed",     "loss",     "E1", "E2",  "seconds",
+                                          "epochs",     "status",   "protocol", NULL};
+    static const char *const reports[] = {"loss", "E1", "E2"};
+    static const lg_search_file study = {
+        .space = {7,
+                  {{.name = "repeat", .kind = LG_RANGE_INTEGER, .low = 1, .high = 2},
+                   {.name = "eps", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"2"}},
+                   {.name = "N", .kind = LG_RANGE_CHOICE, .high = 1, .choices = 2, .choice = {"10", "20.5"}},
+                   {.name = "M", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"1"}},
+                   {.name = "penalty", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"3"}},
+                   {.name = "substeps", .kind = LG_RANGE_CHOICE, .choices = 1, .choice = {"0"}},
+                   {.name = "integrator",
+                    .kind = LG_RANGE_CHOICE,
+                    .high = 1,
+                    .choices = 2,
+                    .choice = {"cf4", "euler"}}}}};
+    lg_trial_layout layout = {"a study", columns, reports, LG_COUNT(reports), mark, NULL, {.open = false}, 0};
+    lg_search_file file = study;
+    file.layout = &layout;
+    read_trials(&file, "", data, size);
+    lg_text_destroy(&layout.others.text);
 }
 
 /* ---- tables and logs ---- */

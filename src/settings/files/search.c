@@ -12,6 +12,7 @@
 #include "files/h5.h"
 #include "files/read_file.h"
 #include "settings/files/yaml.h"
+#include "settings/settings.h"
 
 /* ---- ranges ---- */
 
@@ -242,16 +243,77 @@ static lg_status check_search(const lg_search_file *search, lg_error *error) {
 /* ---- a trial's value in its range ---- */
 
 static bool in_range(const lg_range *range, double x) {
-    if (range->kind == LG_RANGE_CHOICE) return x >= 0 && x < range->choices && floor(x) == x;
-    if (range->kind == LG_RANGE_INTEGER && floor(x) != x) return false;
+    if (range->kind >= LG_RANGE_INTEGER && floor(x) != x) return false;
+    if (range->kind == LG_RANGE_CHOICE) return x >= 0 && x < range->choices;
     return x >= range->low && x <= range->high; /* false for NaN */
 }
 
-bool lg_trial_is_possible(const lg_search_space *space, const lg_trial *trial) {
-    bool good = (int)trial->state >= 0 && (int)trial->state < LG_TRIAL_STATE_COUNT &&
-                trial->reports <= LG_TRIAL_REPORTS;
+bool lg_trial_is_possible(const lg_search_file *search, const lg_trial *trial) {
+    const lg_search_space *space = &search->space;
+    bool good = (uint32_t)trial->state < LG_TRIAL_STATE_COUNT && trial->reports <= LG_TRIAL_REPORTS &&
+                (trial->state != LG_TRIAL_DONE || search->layout == NULL ||
+                 trial->reports >= search->layout->reports);
     for (size_t k = 0; good && k < space->count; k++) good = in_range(&space->ranges[k], trial->value[k]);
     return good;
+}
+
+/* ---- columns ---- */
+
+static const char *state_name(uint32_t state) {
+    return lg_trial_state_name((lg_trial_state)state);
+}
+
+/* The fields of a trial that can be columns; the first ones are those of a search. Real numbers may be nan or
+ * infinite. */
+#define COLUMN(name, type, ...) LG_FIELD(lg_trial, NULL, name, type, __VA_ARGS__)
+static const lg_field fields[] = {COLUMN("trial", U64, number, .high = 0x1p64),
+                                  COLUMN("state", NAME, state, LG_NAMED(state_name, LG_TRIAL_STATE_COUNT)),
+                                  COLUMN("objective", REAL, objective),
+                                  COLUMN("parameters", U64, parameters, .high = 0x1p64),
+                                  COLUMN("epochs", U64, epochs, .high = 0x1p64),
+                                  COLUMN("seconds", REAL, seconds),
+                                  COLUMN("status", NAME, state, LG_NAMES("ok", "pruned", "failed")),
+                                  LG_FIELD_END};
+#undef COLUMN
+
+enum { FIELDS = 6, NAME = LG_RANGE_NAME + 8, MOST = FIELDS + LG_RANGE_MAX + LG_TRIAL_REPORTS };
+
+typedef struct column {
+    char name[NAME];
+    const lg_field *field; /* of a trial; NULL: the column is none */
+    size_t range, report;  /* number of the range or report, from 1; 0: none. A mark is none of these */
+} column;
+
+/* Finds the column with this name. A field comes before a range, whose column is then option-NAME. */
+static column find_column(const lg_search_file *search, const char *name) {
+    column out = {.field = lg_field_find(fields, name)};
+    (void)snprintf(out.name, NAME, "%s", name);
+    if (out.field != NULL) return out;
+    for (size_t i = 0; i < search->space.count; i++)
+        if (strcmp(search->space.ranges[i].name, name) == 0) out.range = i + 1;
+    for (size_t i = 0; i < search->layout->reports; i++)
+        if (strcmp(search->layout->report_names[i], name) == 0) out.report = i + 1;
+    return out;
+}
+
+/* Lists the columns; those of a search with so many rungs. */
+static size_t list_columns(const lg_search_file *search, uint32_t rungs, column out[MOST]) {
+    const lg_trial_layout *layout = search->layout;
+    size_t n = 0;
+    for (; layout != NULL && layout->columns[n] != NULL; n++)
+        out[n] = find_column(search, layout->columns[n]);
+    if (layout != NULL) return n;
+    for (; n < FIELDS; n++) out[n] = find_column(search, fields[n].name);
+    for (size_t i = 0; i < search->space.count; i++, n++) {
+        const char *name = search->space.ranges[i].name;
+        out[n] = (column){.range = i + 1};
+        (void)snprintf(out[n].name, NAME, "%s%s", lg_field_find(fields, name) != NULL ? "option-" : "", name);
+    }
+    for (uint32_t i = 1; i <= rungs; i++, n++) {
+        out[n] = (column){.report = i};
+        (void)snprintf(out[n].name, NAME, "rung%u", i);
+    }
+    return n;
 }
 
 /* ---- writing ---- */
@@ -264,65 +326,38 @@ void lg_search_label(const lg_search_file *search, uint64_t seed, const char *se
                    hash[1]);
 }
 
-static const char *state_name(uint32_t state) {
-    return lg_trial_state_name((lg_trial_state)state);
-}
-
-/* The columns that every table has. Real numbers may be nan or infinite. */
-#define COLUMN(name, type, ...) LG_FIELD(lg_trial, NULL, name, type, __VA_ARGS__)
-static const lg_field columns[] = {COLUMN("trial", U64, number, .high = 0x1p64),
-                                   COLUMN("state", NAME, state, LG_NAMED(state_name, LG_TRIAL_STATE_COUNT)),
-                                   COLUMN("objective", REAL, objective),
-                                   COLUMN("parameters", U64, parameters, .high = 0x1p64),
-                                   COLUMN("epochs", U64, epochs, .high = 0x1p64),
-                                   COLUMN("seconds", REAL, seconds)};
-#undef COLUMN
-
-/* Name of column i: one that every table has, a range, or a rung. A range with the name of a column that
- * every table has, such as epochs, is option-NAME. */
-enum { NAME = LG_RANGE_NAME + 8 };
-static const char *name_of(const lg_search_space *space, size_t i, char made[NAME]) {
-    if (i < LG_COUNT(columns)) return columns[i].name;
-    i -= LG_COUNT(columns);
-    if (i < space->count) {
-        const char *range = space->ranges[i].name;
-        size_t k = 0;
-        while (k < LG_COUNT(columns) && strcmp(columns[k].name, range) != 0) k++;
-        (void)snprintf(made, NAME, "%s%s", k < LG_COUNT(columns) ? "option-" : "", range);
-    } else {
-        (void)snprintf(made, NAME, "rung%zu", i - space->count + 1);
+static void add_cell(lg_columns *to, const lg_search_file *search, const column *c, const lg_trial *trial) {
+    const size_t i = c->range > 0 ? c->range - 1 : 0;
+    const lg_range *range = &search->space.ranges[i];
+    char text[LG_RANGE_NAME];
+    if (c->report > trial->reports)
+        lg_columns_empty(to);
+    else if (c->report > 0)
+        lg_columns_number(to, trial->report[c->report - 1]);
+    else if (c->range > 0 && range->kind == LG_RANGE_CHOICE)
+        lg_columns_text(to, range->choice[(size_t)trial->value[i]]);
+    else if (c->range > 0)
+        lg_columns_number(to, trial->value[i]);
+    else if (c->field != NULL && c->field->type == LG_FIELD_REAL)
+        lg_columns_number(to, lg_field_number(c->field, trial));
+    else {
+        c->field == NULL ? search->layout->mark(search->layout->user, trial, c->name, text)
+                         : lg_field_show(c->field, trial, text, sizeof text);
+        lg_columns_text(to, text);
     }
-    return made;
-}
-
-static void add_trial(lg_columns *t, const lg_search_space *space, const lg_trial *trial, uint32_t reports) {
-    for (size_t i = 0; i < LG_COUNT(columns); i++) {
-        char text[LG_RANGE_NAME];
-        lg_field_show(&columns[i], trial, text, sizeof text);
-        columns[i].type == LG_FIELD_REAL ? lg_columns_number(t, lg_field_number(&columns[i], trial))
-                                         : lg_columns_text(t, text);
-    }
-    for (size_t i = 0; i < space->count; i++)
-        if (space->ranges[i].kind == LG_RANGE_CHOICE)
-            lg_columns_text(t, space->ranges[i].choice[(size_t)trial->value[i]]);
-        else
-            lg_columns_number(t, trial->value[i]);
-    lg_columns_numbers(t, trial->report, trial->reports);
-    for (uint32_t i = trial->reports; i < reports; i++) lg_columns_empty(t);
-    lg_columns_end(t);
 }
 
 lg_status lg_trials_write(const lg_context *context, const char *path, const lg_search_file *search,
                           uint64_t seed, const char *setting, const lg_trial *trials, size_t count,
                           lg_error *error) {
-    char label[LG_SEARCH_LABEL], made[NAME];
+    column columns[MOST];
+    char label[LG_SEARCH_LABEL];
     if (path == NULL || (trials == NULL && count > 0))
         return lg_fail(error, LG_INVALID_ARGUMENT, "the file's name or the trials are NULL");
     LG_TRY(check_search(search, error));
     uint32_t reports = 0;
     for (size_t i = 0; i < count; i++) {
-        if (!lg_trial_is_possible(&search->space, &trials[i]) ||
-            (i > 0 && trials[i].number <= trials[i - 1].number))
+        if (!lg_trial_is_possible(search, &trials[i]) || (i > 0 && trials[i].number <= trials[i - 1].number))
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "trial %" PRIu64 " does not come after the trial before it, or its state, a value "
                            "or its number of reports is not possible",
@@ -330,12 +365,16 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
         if (trials[i].reports > reports) reports = trials[i].reports;
     }
     lg_columns t = {.text = {.context = context}, .words = true};
+    const size_t n = list_columns(search, reports, columns);
     lg_search_label(search, seed, setting, label);
-    lg_text_add(&t.text, "# %s\n", label);
-    for (size_t i = 0; i < LG_COUNT(columns) + search->space.count + reports; i++)
-        lg_columns_name(&t, name_of(&search->space, i, made));
+    if (search->layout == NULL) lg_text_add(&t.text, "# %s\n", label);
+    for (size_t i = 0; i < n; i++) lg_columns_name(&t, columns[i].name);
     lg_columns_end(&t);
-    for (size_t i = 0; i < count; i++) add_trial(&t, &search->space, &trials[i], reports);
+    for (size_t k = 0; k < count; k++) {
+        for (size_t i = 0; i < n; i++) add_cell(&t, search, &columns[i], &trials[k]);
+        lg_columns_end(&t);
+    }
+    if (search->layout != NULL) lg_text_join(&t.text, &search->layout->others.text);
     return lg_columns_write(&t, context, path, error);
 }
 
@@ -357,16 +396,6 @@ static bool parse_value(const lg_range *range, const char *cell, double *out) {
     while (i < range->choices && strcmp(cell, range->choice[i]) != 0) i++;
     *out = i;
     return i < range->choices;
-}
-
-static bool parse_cell(const lg_search_space *space, size_t i, const char *cell, lg_trial *trial) {
-    if (i < LG_COUNT(columns) && columns[i].type == LG_FIELD_REAL)
-        return parse_number(cell, (double *)((char *)trial + columns[i].offset));
-    if (i < LG_COUNT(columns)) return lg_field_set(&columns[i], cell, trial, NULL) == LG_OK;
-    i -= LG_COUNT(columns);
-    if (i < space->count) return parse_value(&space->ranges[i], cell, &trial->value[i]);
-    if (*cell == '\0') return true; /* the trial did not reach this rung */
-    return trial->reports++ == i - space->count && parse_number(cell, &trial->report[i - space->count]);
 }
 
 /* Checks the first line, `# seed S space HASH setting HASH`, and that the search is the same. */
@@ -391,41 +420,111 @@ static lg_status check_head(const char *head, const char *shown, const lg_search
     return LG_OK;
 }
 
-static lg_status read_trial(const lg_frame *f, size_t row, const lg_search_space *space, lg_trial *trials,
-                            size_t count, lg_error *error) {
-    lg_trial *trial = &trials[count];
-    *trial = (lg_trial){.number = 0};
-    for (size_t i = 0; i < f->texts; i++) {
-        char *cell = f->text[row * f->texts + i];
-        if (!parse_cell(space, i, cell, trial))
-            return lg_frame_fail(f, row, f->name[i], error,
-                                 "'%s' is not what a search writes here: remove the row", lg_tamed(cell));
+/* Reads the value of a range that may have other values in this table, written in any way. *inside becomes
+ * false if the range lacks it. Returns false for a text in place of a number. */
+static bool read_value(const lg_range *range, const char *cell, double *out, bool *inside) {
+    char text[LG_SHORTEST];
+    const bool number = lg_number_parse(cell, out) == LG_OK;
+    if (number) lg_format_shortest(text, *out + 0.0, false); /* -0 is 0 */
+    *inside = parse_value(range, number ? text : cell, out) && *inside;
+    return number || (range->kind == LG_RANGE_CHOICE && !lg_is_decimal(range->choice[0]));
+}
+
+static bool parse_cell(const lg_search_file *search, const column *c, const char *cell, lg_trial *trial,
+                       bool *inside) {
+    if (c->range > 0) {
+        const lg_range *range = &search->space.ranges[c->range - 1];
+        double *value = &trial->value[c->range - 1];
+        return search->layout != NULL ? read_value(range, cell, value, inside)
+                                      : parse_value(range, cell, value);
     }
-    for (size_t i = 0; i < count; i++)
-        if (trials[i].number == trial->number)
-            return lg_frame_fail(f, row, "trial", error, "%s is in the table already",
-                                 f->text[row * f->texts]);
+    if (c->field != NULL && c->field->type == LG_FIELD_REAL)
+        return parse_number(cell, (double *)((char *)trial + c->field->offset));
+    if (c->field != NULL) return lg_field_set(c->field, cell, trial, NULL) == LG_OK;
+    /* the trial did not get this far */
+    if (*cell == '\0' || (search->layout != NULL && trial->reports < c->report - 1)) return true;
+    return trial->reports++ == c->report - 1 && parse_number(cell, &trial->report[c->report - 1]);
+}
+
+static lg_status read_cell(const lg_frame *f, size_t row, const lg_search_file *search, const column *c,
+                           char *cell, lg_trial *trial, bool *inside, lg_error *error) {
+    const lg_trial_layout *layout = search->layout;
+    char text[LG_RANGE_NAME];
+    double seen = 0, own = NAN;
+    if (layout != NULL && *cell == '\0' && c->report == 0)
+        return lg_frame_fail(f, row, c->name, error, "is empty");
+    if (c->field == NULL && c->range == 0 && c->report == 0) {
+        layout->mark(layout->user, trial, c->name, text);
+        (void)lg_number_parse(cell, &seen);
+        (void)lg_number_parse(text, &own);
+        /* a spreadsheet keeps 15 digits of a seed */
+        if (strcmp(cell, text) == 0 || fabs(seen - own) < 1e-14 * own) return LG_OK;
+        return lg_frame_fail(f, row, c->name, error, "the row belongs to %s with other settings (%s, not %s)",
+                             layout->what, lg_tamed(cell), text);
+    }
+    if (parse_cell(search, c, cell, trial, inside)) return LG_OK;
+    if (layout != NULL && c->range > 0)
+        return lg_frame_fail(f, row, c->name, error, "'%s' is not a number: remove the row", lg_tamed(cell));
+    return lg_frame_fail(f, row, c->name, error, "'%s' is not what %s writes here: remove the row",
+                         lg_tamed(cell), layout != NULL ? layout->what : "a search");
+}
+
+/* Keeps a row that is none of the trials as it is. */
+static void keep_row(lg_trial_layout *layout, const lg_frame *f, size_t row) {
+    for (size_t i = 0; i < f->texts; i++) {
+        const char *cell = f->text[row * f->texts + i];
+        *cell == '\0' ? lg_columns_empty(&layout->others) : lg_columns_text(&layout->others, cell);
+    }
+    lg_columns_end(&layout->others);
+    layout->other_rows++;
+}
+
+/* The number of the point of a grid with all values of the ranges, of which the last one varies fastest. */
+static uint64_t point_of(const lg_search_space *space, const double *value) {
+    uint64_t number = 0;
+    for (const lg_range *range = space->ranges; range < space->ranges + space->count; range++)
+        number = number * (uint64_t)(range->high - range->low + 1) + (uint64_t)(*value++ - range->low);
+    return number;
+}
+
+static lg_status read_trial(const lg_frame *f, size_t row, const lg_search_file *search,
+                            const column *columns, lg_trial *trials, size_t *count, lg_error *error) {
+    lg_trial *trial = &trials[*count];
+    bool fresh = true; /* a trial that is not in the table yet */
+    *trial = (lg_trial){.number = 0};
+    for (size_t i = 0; i < f->texts; i++)
+        LG_TRY(read_cell(f, row, search, &columns[i], f->text[row * f->texts + i], trial, &fresh, error));
+    if (fresh && search->layout != NULL) trial->number = point_of(&search->space, trial->value);
+    if (fresh && !lg_trial_is_possible(search, trial)) return LG_OK;
+    for (size_t i = 0; fresh && i < *count; i++) fresh = trials[i].number != trial->number;
+    *count += fresh;
+    if (!fresh && search->layout == NULL)
+        return lg_frame_fail(f, row, "trial", error, "%s is in the table already", f->text[row * f->texts]);
+    if (!fresh) keep_row(search->layout, f, row);
     return LG_OK;
 }
 
-static lg_status read_table(lg_frame *f, const lg_search_space *space, lg_trial *trials, size_t room,
+static lg_status read_table(lg_frame *f, const lg_search_file *search, lg_trial *trials, size_t room,
                             size_t *count, lg_error *error) {
-    enum { FIXED = LG_COUNT(columns), BLOCK = 256 };
-    lg_frame_want want[FIXED + LG_RANGE_MAX + LG_TRIAL_REPORTS];
-    char made[LG_COUNT(want)][NAME];
+    enum { BLOCK = 256 };
+    column columns[MOST];
+    lg_frame_want want[MOST];
     f->want = want;
-    f->wants = FIXED + space->count + LG_TRIAL_REPORTS;
+    f->wants = list_columns(search, LG_TRIAL_REPORTS, columns);
     for (size_t i = 0; i < f->wants; i++)
-        want[i] = (lg_frame_want){
-            .name = name_of(space, i, made[i]), .as = LG_FRAME_CELL, .optional = i >= FIXED + space->count};
+        want[i] = (lg_frame_want){.name = columns[i].name,
+                                  .as = LG_FRAME_CELL,
+                                  .optional = search->layout == NULL && columns[i].report > 0};
     LG_TRY(lg_frame_open(f, error));
+    if (search->layout != NULL && f->header > 1)
+        return lg_frame_fail(f, 0, NULL, error, "comes after other lines: remove them");
     do {
         LG_TRY(lg_frame_next(f, BLOCK, error));
-        if (f->rows > room - *count)
+        if (search->layout == NULL && f->rows > room - *count)
             return lg_fail(error, LG_INVALID_ARGUMENT, "%s: holds more than the %zu trials that fit",
                            f->shown, room);
-        for (size_t row = 0; row < f->rows; row++, ++*count)
-            LG_TRY(read_trial(f, row, space, trials, *count, error));
+        for (size_t row = 0; row < f->rows; row++)
+            LG_TRY(read_trial(f, row, search, columns, trials, count, error));
     } while (f->rows > 0);
     return LG_OK;
 }
@@ -433,22 +532,25 @@ static lg_status read_table(lg_frame *f, const lg_search_space *space, lg_trial 
 lg_status lg_trials_read(const lg_context *context, const char *path, const lg_search_file *search,
                          uint64_t seed, const char *setting, size_t room, lg_trial *trials, size_t *count,
                          lg_error *error) {
-    char first[4096] = "";
+    char first[4096] = "", what[LG_RANGE_NAME];
     size_t found = 0, got = 0;
     if (path == NULL || *path == '\0' || count == NULL || (trials == NULL && room > 0))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "the file's name is missing, or the memory for its trials is NULL");
     LG_TRY(check_search(search, error));
+    (void)snprintf(what, sizeof what, "table of %s",
+                   search->layout != NULL ? search->layout->what : "trials");
     LG_CLEAN(lg_frame_close)
-    lg_frame f = {.context = context, .path = path, .what = "table of trials", .ours = true};
+    lg_frame f = {.context = context, .path = path, .what = what, .ours = true};
     LG_SCRATCH(lg_trial, made, context, room + 1);
     if (made == NULL) return lg_no_memory_for(path, error);
     LG_TRY(lg_read_first(path, first, sizeof first - 1, &got, error));
-    LG_TRY(check_head(first, lg_shown_path(path), search, seed, setting, error));
-    /* a table that was cut off within the names of its columns has no trials */
-    const char *names = strchr(first, '\n') + 1, *end = first + got;
-    if (end == first + sizeof first - 1 || memchr(names, '\n', (size_t)(end - names)) != NULL)
-        LG_TRY(read_table(&f, &search->space, made, room, &found, error));
+    if (search->layout == NULL) LG_TRY(check_head(first, lg_shown_path(path), search, seed, setting, error));
+    const char *names = search->layout == NULL ? strchr(first, '\n') + 1 : first, *end = first + got;
+    /* a table of a search that was cut off within the names of its columns has no trials */
+    if (got > 0 && (search->layout != NULL || end == first + sizeof first - 1 ||
+                    memchr(names, '\n', (size_t)(end - names)) != NULL))
+        LG_TRY(read_table(&f, search, made, room, &found, error));
     if (found > 0) memcpy(trials, made, found * sizeof *made);
     *count = found;
     return LG_OK;
