@@ -138,9 +138,9 @@ void lg_thread_pool_destroy(lg_thread_pool *pool);
 void lg_thread_pool_run(lg_thread_pool *pool, size_t count, void (*task)(void *user, size_t index),
                         void *user);
 
-/* A list of jobs that may fail: job(user, i, error) for i in 0..count-1, on at most `threads` threads. Returns
- * the status, and in *error the sentence, of the first job in the list that failed, whatever the number of
- * threads. Jobs behind it may be left out, so a job that is cancelled ends the list. */
+/* A list of jobs that may fail: job(user, i, error) for i in 0..count-1, on at most `threads` threads.
+ * Returns the status, and in *error the sentence, of the first job in the list that failed, whatever the
+ * number of threads. Jobs behind it may be left out, so a job that is cancelled ends the list. */
 typedef lg_status lg_job(void *user, size_t index, lg_error *error);
 lg_status lg_jobs_run(const lg_context *context, uint64_t threads, size_t count, lg_job *job, void *user,
                       lg_error *error);
