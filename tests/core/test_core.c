@@ -534,9 +534,9 @@ TEST("a list of jobs returns the status and sentence of the first one that fails
         for (size_t first = 0; first <= 100; first += 10) {
             failing all = {.first = first, .last = 98};
             lg_error error = {LG_OK, ""};
-            char expected[32];
+            char expected[32] = "";
             const bool fails = first < 100;
-            (void)snprintf(expected, sizeof expected, fails ? "job %zu" : "", first);
+            if (fails) (void)snprintf(expected, sizeof expected, "job %zu", first);
             assert_status(lg_jobs_run(NULL, threads, 100, fail_some, &all, &error),
                           fails ? LG_FORMAT : LG_OK);
             assert_status(error.status, fails ? LG_FORMAT : LG_OK);
