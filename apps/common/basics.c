@@ -152,7 +152,7 @@ double app_seconds(void) {
 void app_parallel(uint64_t threads, size_t count, void (*task)(void *user, size_t index), void *user) {
     lg_thread_pool *pool = NULL;
     if (threads > count) threads = count;
-    /* If no threads can be started, the calling thread does all the work. */
+    /* Without memory for a pool the calling thread does all the work. */
     if (lg_thread_pool_create(NULL, threads > 1 ? (int)threads : 1, &pool) == LG_OK)
         lg_thread_pool_run(pool, count, task, user);
     else

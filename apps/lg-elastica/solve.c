@@ -143,21 +143,22 @@ typedef struct sweep {
     beam_curves *found; /* (points): the curves found at each x */
     size_t **branch;    /* (points): for each x, the branch number of each curve */
     double *x;
-    lg_error *error; /* with the status */
     size_t branches, count;
     sweep_point *rows; /* (count): by branch, then by x */
 } sweep;
 
-static void find(void *user, size_t i) {
+static lg_status find(void *user, size_t i, lg_error *error) {
     const sweep *s = user;
     boundary where = {.problem = *s->problem};
-    s->error[i].status = LG_CANCELLED;
-    if (app_interrupted()) return;
+    lg_error why = {LG_OK, ""};
+    if (app_interrupted()) return LG_CANCELLED;
     lg_elastica_set_case(&where.problem, (lg_elastica_case)beam_given.kind, s->x[i]);
     boundary_rotations(where.problem.theta0, where.problem.theta0 + where.problem.rotation, &where);
-    s->error[i].status =
-        beam_branches(s->self->context, &where, s->options, values.saddles, &s->found[i], &s->error[i]);
+    const lg_status status =
+        beam_branches(s->self->context, &where, s->options, values.saddles, &s->found[i], &why);
     s->branch[i] = app_keep(s->found[i].count, sizeof *s->branch[i]);
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status, "x = %.9g: %s", s->x[i], app_sentence(status, &why));
 }
 
 /* ---- following the branches ---- */
@@ -269,17 +270,11 @@ static void solve_sweep(const app *self, const lg_elastica *problem, const lg_el
                .points = n,
                .found = app_keep(n, sizeof *s.found),
                .branch = app_keep(n, sizeof *s.branch),
-               .x = app_keep(n, sizeof *s.x),
-               .error = app_keep(n, sizeof *s.error)};
+               .x = app_keep(n, sizeof *s.x)};
     const double begin = app_seconds();
     APP_MUST(self, lg_elastica_check(problem, &error));
     for (size_t i = 0; i < n; i++) s.x[i] = 2 * LG_PI * (double)i / (double)(n - 1);
-    app_parallel(self->threads, n, find, &s);
-    if (app_interrupted()) app_must(self, LG_CANCELLED, NULL);
-    for (size_t i = 0; i < n; i++)
-        if (s.error[i].status != LG_OK)
-            app_stop(self, s.error[i].status, "x = %.9g: %s", s.x[i],
-                     app_sentence(s.error[i].status, &s.error[i]));
+    APP_MUST(self, lg_jobs_run(self->context, self->threads, n, find, &s, &error));
     for (size_t i = 0; i < n; i++) follow(&s, i);
     collect(&s);
     const double seconds = app_seconds() - begin;

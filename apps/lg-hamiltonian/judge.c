@@ -4,7 +4,6 @@
 #include "lg-hamiltonian/training.h"
 
 #include <math.h>
-#include <stdatomic.h>
 
 static const double RELATIVE_LEAST = 1e-8; /* added to each relative error */
 
@@ -30,23 +29,28 @@ typedef struct judgement {
     const lg_model *learned;
     const lg_trajectories *test;
     double tolerance;
-    double *predicted;  /* (N, M, d) */
-    lg_status *status;  /* (N) */
-    atomic_bool failed; /* set when a trajectory fails, so that no further ones are begun */
+    double *predicted; /* (N, M, d) */
 } judgement;
 
-static void judge_one(void *user, size_t i) {
-    judgement *self = user;
+static lg_status judge_one(void *user, size_t i, lg_error *error) {
+    const judgement *self = user;
     const lg_trajectories *test = self->test;
     const size_t size = test->points * test->state_dim, most = MOST_STEPS + MOST_STEPS_A_POINT * test->points;
-    lg_status *status = &self->status[i];
     double *y = self->predicted + i * size;
-    if (app_interrupted()) *status = LG_CANCELLED;
-    if (*status != LG_OK || atomic_load(&self->failed)) return;
-    *status = app_flow(self->context, self->learned, lg_scheme_find(self->model->family->accurate),
-                       self->tolerance, most, test->data + i * size, test->t, test->points, y, NULL);
-    if (*status == LG_OK) *status = land(self->model, test->points, y, NULL);
-    if (*status != LG_OK) atomic_store(&self->failed, true);
+    lg_status status = app_interrupted() ? LG_CANCELLED : LG_OK;
+    if (status == LG_OK)
+        status = app_flow(self->context, self->learned, lg_scheme_find(self->model->family->accurate),
+                          self->tolerance, most, test->data + i * size, test->t, test->points, y, NULL);
+    if (status == LG_OK) status = land(self->model, test->points, y, NULL);
+    if (status == LG_OK) return LG_OK;
+    if (status == LG_TOO_MANY_STEPS)
+        return lg_fail(
+            error, LG_TOO_MANY_STEPS,
+            "the learned flow of test trajectory %zu needs more than %zu steps at tolerance %g: the "
+            "model is far from a flow of these data; train it longer, or give a larger --tolerance",
+            i, most, self->tolerance);
+    return lg_fail(error, status, "the learned flow of test trajectory %zu: %s", i,
+                   lg_status_sentence(status));
 }
 
 void energies_of(const lg_model *learned, const double *states, size_t count, size_t stride, double *out) {
@@ -87,23 +91,12 @@ lg_status judge(const lg_context *context, uint64_t threads, const lg_hamiltonia
                 lg_error *error) {
     lg_model *learned = NULL;
     LG_TRY(lg_hamiltonian_learned(context, model, theta, &learned, error));
-    APP_FREE lg_status *status = app_alloc(test->count, sizeof *status);
-    judgement work = {context, model, learned, test, tolerance, predicted, status, false};
-    app_parallel(threads, test->count, judge_one, &work);
-    size_t i = 0;
-    while (i < test->count && status[i] == LG_OK) i++;
-    if (i == test->count)
+    judgement work = {context, model, learned, test, tolerance, predicted};
+    const lg_status status = lg_jobs_run(context, threads, test->count, judge_one, &work, error);
+    if (status == LG_OK)
         *out = (verdict){.e1 = mean_square(test, predicted), .e2 = energy_error(learned, test)};
     lg_model_destroy(learned);
-    if (i == test->count) return LG_OK;
-    if (status[i] == LG_TOO_MANY_STEPS)
-        return lg_fail(
-            error, LG_TOO_MANY_STEPS,
-            "the learned flow of test trajectory %zu needs more than %zu steps at tolerance %g: the "
-            "model is far from a flow of these data; train it longer, or give a larger --tolerance",
-            i, MOST_STEPS + MOST_STEPS_A_POINT * test->points, tolerance);
-    return lg_fail(error, status[i], "the learned flow of test trajectory %zu: %s", i,
-                   lg_status_sentence(status[i]));
+    return status;
 }
 
 /* ---- relative errors ---- */

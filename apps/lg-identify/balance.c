@@ -106,15 +106,13 @@ static void halve(const double *u, size_t m, double from, double *out) {
 static void cut(const lg_machine *machine, const lg_machine_log *log, intervals *all) {
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
     all->row = app_keep(log->rows, sizeof *all->row);
+    all->count = lg_log_stretches(machine, log, 1, 1, all->row);
     identify_log_begin(&all->finer, machine, log->parts, 2 * log->rows);
     const identify_log *to = &all->finer;
     for (size_t p = 0; p < log->parts; p++) {
         to->first[p + 1] = 2 * log->first[p + 1];
         for (size_t row = log->first[p]; row < log->first[p + 1]; row++) {
             const bool last = row + 1 == log->first[p + 1];
-            if (!last && lg_machine_log_complete(machine, log, row, false) &&
-                lg_machine_log_complete(machine, log, row + 1, false))
-                all->row[all->count++] = row;
             for (size_t k = 0; k < 2; k++) {
                 const size_t at = 2 * row + k;
                 to->t[at] = log->t[row] + 0.5 * (double)k * (last ? 1 : log->t[row + 1] - log->t[row]);

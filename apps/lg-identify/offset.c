@@ -121,22 +121,8 @@ double *identify_slopes(const lg_machine *machine, const lg_machine_log *log) {
 
 /* ---- forces that the model lacks ---- */
 
-/* Starts of stretches of `steps` intervals, at most MOST of them, whose first and last rows are complete. */
-static size_t find_stretches(const lg_machine *machine, const lg_machine_log *log, size_t steps,
-                             size_t *out) {
-    enum { MOST = 1500 };
-    const size_t every = steps > log->rows / MOST ? steps : log->rows / MOST;
-    size_t count = 0;
-    for (size_t part = 0; part < log->parts; part++)
-        for (size_t row = log->first[part]; row + steps < log->first[part + 1]; row += every)
-            if (lg_machine_log_complete(machine, log, row, false) &&
-                lg_machine_log_complete(machine, log, row + steps, false))
-                out[count++] = row;
-    return count;
-}
-
 size_t identify_lacking(const app *self, const identify_given *given, double **velocity, double **force) {
-    enum { STEPS = 20 };
+    enum { STEPS = 20, MOST = 1500 };
     const lg_machine *machine = given->model.machine;
     const size_t nq = machine->positions, nv = machine->velocities, points = STEPS + 1;
     lg_machine_log log = given->data.logs.log;
@@ -146,7 +132,8 @@ size_t identify_lacking(const app *self, const identify_given *given, double **v
     *velocity = *force = NULL;
     if (machine->accelerations || !pushed_create(self, given, &p)) return 0;
     if (given->model.start_rows > 0) log.v = slopes = identify_slopes(machine, &log);
-    const size_t count = find_stretches(machine, &log, STEPS, start);
+    const size_t every = log.rows / MOST,
+                 count = lg_log_stretches(machine, &log, STEPS, every > STEPS ? every : STEPS, start);
     if (count == 0) return 0;
     APP_FREE double *q = app_alloc(count * points * nq, sizeof *q);
     APP_FREE double *v = app_alloc(count * points * nv, sizeof *v);

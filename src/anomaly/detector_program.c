@@ -28,11 +28,6 @@ static lg_var scaled(lg_tape *t, const lg_detector *model, const lg_var *theta, 
     return lg_transpose(t, lg_mul(t, x, lg_reshape(t, theta[INVERSE_SCALE], column)));
 }
 
-/* With the recording of the network that suits programs with derivatives. */
-static lg_var logits_apart(lg_tape *t, const lg_detector *model, const lg_var *theta, lg_var x) {
-    return lg_cnn_record_apart(t, &model->net, theta[THETA], scaled(t, model, theta, x));
-}
-
 /* Logits (B, outputs) -> probabilities (B, classes). With two classes and one logit, a small probability has
  * the full relative accuracy. */
 static lg_var probabilities(lg_tape *t, const lg_detector *model, lg_var y) {
@@ -40,8 +35,7 @@ static lg_var probabilities(lg_tape *t, const lg_detector *model, lg_var y) {
         const lg_var both[2] = {lg_neg(t, y), y};
         return lg_act(t, lg_concat(t, both, 2, 1), LG_SIGMOID);
     }
-    const lg_var part = lg_exp(t, lg_sub(t, y, lg_max_axis(t, y, 1, true)));
-    return lg_div(t, part, lg_sum_axis(t, part, 1, true));
+    return lg_record_softmax(t, y);
 }
 
 static lg_status value(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
@@ -50,18 +44,15 @@ static lg_status value(void *user, lg_tape *t, const lg_var *theta, const lg_var
     return lg_tape_status(t);
 }
 
-/* Outputs the logits y and their Jacobian g, all rows of which come from one batched vjp. */
-static lg_status gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
+/* The logits, with the recording of the network that suits programs with derivatives. */
+static lg_status value_apart(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
     const lg_detector *model = user;
-    const uint32_t outputs = model->net.outputs, rows = lg_var_shape(t, x[0]).dims[0];
-    const uint32_t numbers = model->net.channels * model->net.length;
-    y[0] = logits_apart(t, model, theta, x[0]);
-    const lg_var copies = lg_record_copies(t, x[0], outputs), all = logits_apart(t, model, theta, copies);
-    const lg_var units = lg_record_units(t, rows, NULL, outputs, outputs);
-    lg_var by = LG_NONE;
-    LG_TRY(lg_vjp(t, &all, &units, 1, &copies, 1, &by));
-    y[1] = lg_reshape(t, by, lg_shape3(rows, outputs, numbers));
+    y[0] = lg_cnn_record_apart(t, &model->net, theta[THETA], scaled(t, model, theta, x[0]));
     return lg_tape_status(t);
+}
+
+static lg_status gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
+    return lg_record_gradient(value_apart, user, t, theta, x, false, y);
 }
 
 static lg_status probability(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {

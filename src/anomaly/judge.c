@@ -17,36 +17,27 @@ typedef struct visit {
     size_t work;
     lg_status (*each)(void *user, size_t i, const float *x, void *work);
     void *user;
-    lg_status *status; /* (bundles) result of each bundle */
 } visit;
 
-static void visit_bundle(void *user, size_t index) {
+static lg_status visit_bundle(void *user, size_t index, lg_error *error) {
     const visit *self = user;
     const size_t begin = index * BUNDLE, count = self->part->count,
                  end = begin + BUNDLE < count ? begin + BUNDLE : count;
-    LG_SCRATCH(float, x, self->context, (size_t)self->series->channels * self->windows->length);
-    LG_SCRATCH(char, work, self->context, self->work);
-    lg_status status = x != NULL && work != NULL ? LG_OK : LG_OUT_OF_MEMORY;
-    for (size_t i = begin; i < end && status == LG_OK; i++) {
+    LG_TRY_SCRATCH(float, x, self->context, (size_t)self->series->channels * self->windows->length,
+                   LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(char, work, self->context, self->work, LG_OUT_OF_MEMORY);
+    for (size_t i = begin; i < end; i++) {
         lg_windows_copy(self->series, self->windows, self->part->list != NULL ? self->part->list[i] : i, x);
-        status = lg_cancelled(self->context) ? LG_CANCELLED : self->each(self->user, i, x, work);
+        LG_TRY(lg_cancelled(self->context) ? LG_CANCELLED : self->each(self->user, i, x, work));
     }
-    self->status[index] = status;
+    return LG_OK;
 }
 
 lg_status lg_windows_each(const lg_context *context, const lg_series *series, const lg_windows *windows,
                           const lg_window_list *part, uint64_t threads, size_t work,
                           lg_status (*each)(void *user, size_t i, const float *x, void *work), void *user) {
-    const size_t bundles = (part->count + BUNDLE - 1) / BUNDLE;
-    lg_thread_pool *pool;
-    if (bundles == 0) return LG_OK;
-    LG_TRY_SCRATCH(lg_status, status, context, bundles, LG_OUT_OF_MEMORY);
-    visit all = {context, series, windows, part, work, each, user, status};
-    LG_TRY(lg_thread_pool_create(context, (int)(threads < bundles ? threads : bundles), &pool));
-    lg_thread_pool_run(pool, bundles, visit_bundle, &all);
-    lg_thread_pool_destroy(pool);
-    for (size_t i = 0; i < bundles; i++) LG_TRY(status[i]);
-    return LG_OK;
+    visit all = {context, series, windows, part, work, each, user};
+    return lg_jobs_run(context, threads, (part->count + BUNDLE - 1) / BUNDLE, visit_bundle, &all, NULL);
 }
 
 /* ---- metrics from scores ---- */

@@ -131,12 +131,19 @@ double lg_seconds(void);
 
 /* A pool of worker threads. lg_thread_pool_run runs task(user, i) for i in 0..count-1. Which thread runs
  * which i is not specified, so a task must not write to memory that other tasks use. The pool has threads - 1
- * workers, because the calling thread works too. */
+ * workers, because the calling thread works too; fewer if no more threads can be started. */
 typedef struct lg_thread_pool lg_thread_pool;
 lg_status lg_thread_pool_create(const lg_context *context, int threads, lg_thread_pool **out);
 void lg_thread_pool_destroy(lg_thread_pool *pool);
 void lg_thread_pool_run(lg_thread_pool *pool, size_t count, void (*task)(void *user, size_t index),
                         void *user);
+
+/* A list of jobs that may fail: job(user, i, error) for i in 0..count-1, on at most `threads` threads.
+ * Returns the status, and in *error the sentence, of the first job in the list that failed, whatever the
+ * number of threads. Jobs behind it may be left out, so a job that is cancelled ends the list. */
+typedef lg_status lg_job(void *user, size_t index, lg_error *error);
+lg_status lg_jobs_run(const lg_context *context, uint64_t threads, size_t count, lg_job *job, void *user,
+                      lg_error *error);
 
 /* Loads a shared library that few runs need, and finds functions in it. `function` is the address of a
  * function pointer. False: there is no such library, or a function is missing. */

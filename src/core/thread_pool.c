@@ -91,13 +91,9 @@ lg_status lg_thread_pool_create(const lg_context *context, int threads, lg_threa
         lg_thread_pool_destroy(pool);
         return LG_OUT_OF_MEMORY;
     }
-    for (int i = 0; i < threads - 1; i++) {
-        if (pthread_create(&pool->threads[i], NULL, worker, pool) != 0) {
-            lg_thread_pool_destroy(pool);
-            return LG_OUT_OF_MEMORY;
-        }
+    while (pool->workers < threads - 1 &&
+           pthread_create(&pool->threads[pool->workers], NULL, worker, pool) == 0)
         pool->workers++;
-    }
     *out = pool;
     return LG_OK;
 }
@@ -148,4 +144,43 @@ void lg_thread_pool_run(lg_thread_pool *pool, size_t count, void (*task)(void *,
     open_round(pool);
     work(pool);
     close_round(pool);
+}
+
+/* ---- jobs that may fail ---- */
+
+typedef struct jobs {
+    lg_job *job;
+    void *user;
+    pthread_mutex_t mutex;
+    atomic_size_t failed; /* the first job in the list that has failed, and its error */
+    lg_error error;
+} jobs;
+
+static void do_job(void *user, size_t index) {
+    jobs *all = user;
+    lg_error error = {LG_OK, ""};
+    if (index > atomic_load(&all->failed)) return;
+    error.status = all->job(all->user, index, &error);
+    if (error.status == LG_OK) return;
+    pthread_mutex_lock(&all->mutex);
+    if (index < atomic_load(&all->failed)) {
+        atomic_store(&all->failed, index);
+        all->error = error;
+    }
+    pthread_mutex_unlock(&all->mutex);
+}
+
+lg_status lg_jobs_run(const lg_context *context, uint64_t threads, size_t count, lg_job *job, void *user,
+                      lg_error *error) {
+    jobs all = {.job = job, .user = user, .mutex = PTHREAD_MUTEX_INITIALIZER, .failed = SIZE_MAX};
+    lg_thread_pool *pool = NULL;
+    if (count == 0) return LG_OK;
+    const int useful = (int)(threads < count ? threads : count);
+    const lg_status made = lg_thread_pool_create(context, useful, &pool);
+    if (made != LG_OK) return lg_fail(error, made, "%d threads could not be started", useful);
+    lg_thread_pool_run(pool, count, do_job, &all);
+    lg_thread_pool_destroy(pool);
+    pthread_mutex_destroy(&all.mutex);
+    if (all.error.status != LG_OK && error != NULL) *error = all.error;
+    return all.error.status;
 }

@@ -74,7 +74,6 @@ typedef struct job {
     const lg_elastica_sampling *sampling;
     lg_elastica_curves *curves;
     size_t blocks; /* number of blocks per family */
-    lg_error *errors;
 } job;
 
 /* Memory for computing one block. */
@@ -167,28 +166,16 @@ static lg_status run_block(const job *j, size_t place, size_t block, block_memor
     return LG_OK;
 }
 
-static void run_task(void *user, size_t index) {
+static lg_status run_task(void *user, size_t index, lg_error *error) {
     const job *j = user;
     block_memory m;
     lg_status status = block_create(j, &m);
     if (status == LG_OK)
-        status = run_block(j, index / j->blocks, index % j->blocks, &m, &j->errors[index]);
+        status = run_block(j, index / j->blocks, index % j->blocks, &m, error);
     else
-        lg_fail(&j->errors[index], status, "elastica: %s", lg_status_sentence(status));
+        lg_fail(error, status, "elastica: %s", lg_status_sentence(status));
     block_free(j, &m);
-}
-
-static lg_status run(job *j, size_t tasks, lg_error *error) {
-    lg_thread_pool *pool = NULL;
-    const size_t useful = tasks < (size_t)j->sampling->threads ? tasks : (size_t)j->sampling->threads;
-    if (lg_thread_pool_create(j->context, (int)useful, &pool) != LG_OK)
-        return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: the threads could not be started");
-    lg_thread_pool_run(pool, tasks, run_task, j);
-    lg_thread_pool_destroy(pool);
-    for (size_t i = 0; i < tasks; i++)
-        if (j->errors[i].status != LG_OK)
-            return lg_fail(error, j->errors[i].status, "%s", j->errors[i].message);
-    return LG_OK;
+    return status;
 }
 
 lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_sampling *sampling,
@@ -199,18 +186,15 @@ lg_status lg_elastica_generate(const lg_context *context, const lg_elastica_samp
     const size_t blocks = (sampling->count - 1) / BLOCK + 1;
     LG_CLEAN(lg_elastica_curves_destroy) lg_elastica_curves curves = {.count = 0};
     job j = {.context = context, .sampling = sampling, .curves = &curves, .blocks = blocks};
-    lg_status status = sampling->count <= SIZE_MAX / 16
-                           ? lg_elastica_curves_create(context, families * sampling->count,
-                                                       sampling->problem.intervals, true, &curves)
-                           : LG_OUT_OF_MEMORY;
-    if (status == LG_OK) j.errors = lg_alloc(context, families * blocks, sizeof *j.errors);
-    if (status != LG_OK || !j.errors)
+    const lg_status status = sampling->count <= SIZE_MAX / 16
+                                 ? lg_elastica_curves_create(context, families * sampling->count,
+                                                             sampling->problem.intervals, true, &curves)
+                                 : LG_OUT_OF_MEMORY;
+    if (status != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "elastica: no memory for %zu curves", sampling->count);
     curves.length = sampling->problem.length;
     curves.stiffness = sampling->problem.stiffness;
     curves.continuous = sampling->continuous;
-    status = run(&j, families * blocks, error);
-    lg_free(context, j.errors);
-    LG_TRY(status);
+    LG_TRY(lg_jobs_run(context, (uint64_t)sampling->threads, families * blocks, run_task, &j, error));
     return LG_GIVE(out, curves);
 }

@@ -256,15 +256,14 @@ static lg_var identity(const drawing *d) {
  * has many outputs, for each of the inputs v0, qN - q0 and vN. */
 static lg_status free_gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
     enum { DIRECTIONS = BOUNDARY - LG_AT_V0 };
-    static const uint32_t column[DIRECTIONS] = {2, 3, 4, 5, 6, 7};
     const drawing d = {t, user, theta};
     const uint32_t rows = rows_of(&d, in[0]), outputs = lg_surrogate_outputs(d.model),
                    first = places(d.model), count = first == 0 ? DIRECTIONS : outputs;
     const lg_var x = lg_columns(t, in[0], first, BOUNDARY), s = lg_columns(t, in[0], 0, 1);
     const lg_var z = relative(&d, x), sign = sign_of(&d, x);
     const lg_var of[2] = {lg_record_copies(t, z, count), lg_record_copies(t, s, count)};
-    const lg_var units =
-        lg_record_units(t, rows, first == 0 ? column : NULL, count, first == 0 ? BOUNDARY : outputs);
+    const lg_var units = first == 0 ? lg_record_units(t, rows, count, LG_AT_V0, BOUNDARY)
+                                    : lg_record_units(t, rows, count, 0, outputs);
     const lg_var signs = lg_record_copies(t, sign, count), f = net_at(&d, of[1], of[0], signs);
     lg_var by[2] = {LG_NONE, LG_NONE};
     y[0] = hand_over(&d, reflected(&d, net_at(&d, s, z, sign), sign), s, x);
@@ -288,18 +287,10 @@ static lg_status free_gradient(void *user, lg_tape *t, const lg_var *theta, cons
 
 /* The same for all other networks, from the function `value`. */
 static lg_status gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *in, lg_var *y) {
-    const drawing d = {t, user, theta};
-    const bool angle = d.model->options.kind == LG_SURROGATE_ANGLE;
-    const uint32_t rows = rows_of(&d, in[0]), outputs = lg_surrogate_outputs(d.model);
-    const lg_var copies = lg_record_copies(t, in[0], outputs);
-    const lg_var units = lg_record_units(t, rows, NULL, outputs, outputs);
-    lg_var f = LG_NONE, by = LG_NONE;
-    if (!angle && !is_held(d.model)) return free_gradient(user, t, theta, in, y);
-    LG_TRY((angle ? angle_value : curve_value)(user, t, theta, in, y));
-    LG_TRY((angle ? angle_value : curve_value)(user, t, theta, &copies, &f));
-    LG_TRY(lg_vjp(t, &f, &units, 1, &copies, 1, &by));
-    y[1] = lg_reshape(t, by, lg_shape3(rows, outputs, 1 + BOUNDARY));
-    return lg_tape_status(t);
+    const lg_surrogate *model = user;
+    const bool angle = model->options.kind == LG_SURROGATE_ANGLE;
+    if (!angle && !is_held(model)) return free_gradient(user, t, theta, in, y);
+    return lg_record_gradient(angle ? angle_value : curve_value, user, t, theta, in, false, y);
 }
 
 /* ---- functions for many points of one curve ---- */

@@ -233,7 +233,7 @@ lg_var lg_machine_record_entries(const lg_term_at *at, uint32_t count, const uin
                                  const double *factor);
 lg_term_numbers lg_numbers_entries;
 /* Whether one of the entries stands for this value of the term. */
-bool lg_machine_is_entry_of(const lg_machine_term *term, uint32_t index);
+LG_API bool lg_machine_is_entry_of(const lg_machine_term *term, uint32_t index);
 /* lg_term_kind.scaling of the unknown entries. */
 void lg_machine_scale_entries(const lg_machine *machine, const lg_machine_term *term, const double *theta,
                               double *direction);
@@ -510,9 +510,12 @@ void lg_machine_along_row(const lg_machine_problem *problem, size_t row, double 
 /* lg_fit_problem.linearise and lg_fit_problem.rows of a problem of windows. */
 lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
                                size_t count, size_t batch, double *loss, double *r, double *jacobian);
-/* Computes losses (windows): the loss that a fit of this window alone would have. */
+/* Computes losses (windows): the loss that a fit of this window alone would have, but its part of the priors.
+ * lg_machine_losses does so on a tape of its own. */
 lg_status lg_machine_window_losses(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
                                    double *losses);
+LG_API lg_status lg_machine_losses(const lg_context *context, const lg_machine_problem *problem,
+                                   const double *theta, double *losses, lg_error *error);
 size_t lg_machine_linearised_rows(const lg_machine_problem *problem);
 /* Most windows from which errors of numbers and expected losses are computed. */
 enum { LG_MACHINE_MOST_WINDOWS = 512 };

@@ -126,6 +126,13 @@ lg_status lg_machine_window_losses(lg_tape *tape, const lg_machine_problem *prob
     return LG_OK;
 }
 
+lg_status lg_machine_losses(const lg_context *context, const lg_machine_problem *problem, const double *theta,
+                            double *losses, lg_error *error) {
+    LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
+    if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
+    return lg_tape_conclude(tape, lg_machine_window_losses(tape, problem, theta, losses), error);
+}
+
 static lg_status add_windows(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
                              double *loss, double *floor) {
     double sum = 0.0, of_steps = 0.0;

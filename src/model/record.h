@@ -2,6 +2,7 @@
 #ifndef LG_MODELS_RECORD_H
 #define LG_MODELS_RECORD_H
 
+#include "autodiff/tape/sweep.h"
 #include "integrators/taped_internal.h"
 
 /* Columns first .. first + count - 1 of x (B, n). */
@@ -9,11 +10,14 @@ static inline lg_var lg_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_
     return lg_slice(tape, x, 1, first, count);
 }
 
-/* Repeats each row of x `copies` times in succession: (B, ...) -> (B copies, ...). */
-lg_var lg_record_copies(lg_tape *tape, lg_var x, uint32_t copies);
-/* Unit vectors e_at[0], e_at[1], ... with n numbers (`at` NULL: e_0, e_1, ...), repeated for each of `rows`
- * rows: (rows count, n). */
-lg_var lg_record_units(lg_tape *tape, uint32_t rows, const uint32_t *at, uint32_t count, uint32_t n);
+/* As lg_function_spec.record. */
+typedef lg_status lg_recording(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out);
+/* Records y[0] = value(x) (B, outputs) and y[1], its Jacobian (B, outputs, numbers of a row of x), of which a
+ * batch computes all rows at once: `value` at a copy of x for each output, and one sweep in reverse; with
+ * `forward` at a copy for each number of x. */
+lg_status lg_record_gradient(lg_recording *value, void *user, lg_tape *tape, const lg_var *theta,
+                             const lg_var *x, bool forward, lg_var *y);
+LG_API lg_var lg_record_softmax(lg_tape *tape, lg_var y); /* of each row */
 /* The rows `samples` (shape.dims[0]) of `values`, numbers of the type `from`, as a variable of this shape and
  * of the tape's type. */
 lg_var lg_record_rows(lg_tape *tape, lg_dtype from, const void *values, lg_shape shape,

@@ -19,31 +19,13 @@ static lg_status value(void *user, lg_tape *t, const lg_var *theta, const lg_var
     return lg_tape_status(t);
 }
 
-/* Records all rows of the Jacobian in one batch, forward or in reverse, whichever takes fewer copies of the
- * input. */
 static lg_status gradient(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
     const lg_table *model = user;
-    const uint32_t in = model->net.inputs, out = model->net.outputs, rows = lg_var_shape(t, x[0]).dims[0];
-    const bool forward = in < out;
-    const uint32_t count = forward ? in : out;
-    y[0] = value_of(t, model, theta, x[0]);
-    const lg_var copies = lg_record_copies(t, x[0], count), all = value_of(t, model, theta, copies);
-    const lg_var units = lg_record_units(t, rows, NULL, count, count);
-    lg_var by = LG_NONE;
-    if (forward) {
-        LG_TRY(lg_jvp(t, &all, 1, &copies, &units, 1, &by));
-        y[1] = lg_transpose(t, lg_reshape(t, by, lg_shape3(rows, in, out)));
-    } else {
-        LG_TRY(lg_vjp(t, &all, &units, 1, &copies, 1, &by));
-        y[1] = lg_reshape(t, by, lg_shape3(rows, out, in));
-    }
-    return lg_tape_status(t);
+    return lg_record_gradient(value, user, t, theta, x, model->net.inputs < model->net.outputs, y);
 }
 
 static lg_status probability(void *user, lg_tape *t, const lg_var *theta, const lg_var *x, lg_var *y) {
-    const lg_var logits = lg_program_call(t, "value", 0, x);
-    const lg_var part = lg_exp(t, lg_sub(t, logits, lg_max_axis(t, logits, 1, true)));
-    y[0] = lg_div(t, part, lg_sum_axis(t, part, 1, true));
+    y[0] = lg_record_softmax(t, lg_program_call(t, "value", 0, x));
     return lg_tape_status(t);
 }
 

@@ -91,7 +91,7 @@ static lg_status fill_output(lg_tape *tape, const lg_table *model, const net_lay
     const size_t stride = lg_table_parameters(model) * outputs;
     lg_var given[NET_MAX_DENSE], by[NET_MAX_DENSE];
     const lg_mark mark = lg_tape_mark(tape);
-    const lg_var g = lg_record_units(tape, (uint32_t)count, &output, 1, outputs);
+    const lg_var g = lg_record_units(tape, (uint32_t)count, 1, output, outputs);
     for (uint32_t i = 0; i < layout->all.count; i++) given[i] = taps[i].output;
     LG_TRY(lg_vjp(tape, &f, &g, 1, given, layout->all.count, by));
     for (uint32_t i = 0; i < layout->all.count; i++) {

@@ -514,6 +514,44 @@ TEST("invalid numbers of threads are refused") {
     lg_thread_pool_destroy(NULL);
 }
 
+/* A list of jobs, of which those from `first` to `last` fail. */
+typedef struct failing {
+    size_t first, last;
+    atomic_int runs[100];
+} failing;
+
+static lg_status fail_some(void *user, size_t index, lg_error *error) {
+    failing *all = user;
+    const struct timespec pause = {0, 20000};
+    atomic_fetch_add(&all->runs[index], 1);
+    if (index < all->first || index > all->last) return LG_OK;
+    if (index == all->first) (void)nanosleep(&pause, NULL); /* so that others fail before it */
+    return lg_fail(error, index % 2 == 0 ? LG_FORMAT : LG_NOT_FOUND, "job %zu", index);
+}
+
+TEST("a list of jobs returns the status and sentence of the first one that fails, and runs all before it") {
+    for (uint64_t threads = 1; threads <= 8; threads++)
+        for (size_t first = 0; first <= 100; first += 10) {
+            failing all = {.first = first, .last = 98};
+            lg_error error = {LG_OK, ""};
+            char expected[32] = "";
+            const bool fails = first < 100;
+            if (fails) (void)snprintf(expected, sizeof expected, "job %zu", first);
+            assert_status(lg_jobs_run(NULL, threads, 100, fail_some, &all, &error),
+                          fails ? LG_FORMAT : LG_OK);
+            assert_status(error.status, fails ? LG_FORMAT : LG_OK);
+            assert_string_equal(error.message, expected);
+            for (size_t i = 0; i < 100; i++) {
+                const int runs = atomic_load(&all.runs[i]);
+                assert_true(runs == 1 || (runs == 0 && i > first));
+            }
+            if (threads == 1 && fails) assert_int_equal(atomic_load(&all.runs[99]), first == 99);
+        }
+    assert_ok(lg_jobs_run(NULL, 0, 0, fail_some, NULL, NULL));
+    assert_status(lg_jobs_run(NULL, 0, 1, fail_some, &(failing){.first = 1}, NULL), LG_INVALID_ARGUMENT);
+    assert_status(lg_jobs_run(NULL, 2, 3, fail_some, &(failing){.first = 1, .last = 2}, NULL), LG_NOT_FOUND);
+}
+
 /* ---- texts ---- */
 
 static void assert_text(void (*add)(lg_text *to, const char *value), const char *value,

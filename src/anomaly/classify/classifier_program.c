@@ -11,6 +11,7 @@
 #include "anomaly/classify/classify_internal.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
+#include "model/record.h"
 
 /* Rows of SIGN are pairs of classes (i, j): 1 for i, -1 for j. LIVING is 1 for pairs whose classes both have
  * support vectors, PRESENT 1 for classes that have some. ORDER falls with the number of the class. EPS is the
@@ -205,11 +206,6 @@ static lg_var both(lg_tape *t, lg_var first, lg_var second) {
     return lg_concat(t, (lg_var[]){first, second}, 2, 1);
 }
 
-static lg_var softmax(lg_tape *t, lg_var y) {
-    const lg_var part = lg_exp(t, lg_sub(t, y, lg_max_axis(t, y, 1, true)));
-    return lg_div(t, part, lg_sum_axis(t, part, 1, true));
-}
-
 /* The first class with the most votes gets the largest score. */
 static lg_var votes(lg_tape *t, const lg_classifier *c, const lg_var *w, lg_var y) {
     const lg_var for_first = lg_neg(t, lg_sign(t, lg_neg(t, y))); /* 1 for y > 0, else -1 */
@@ -235,7 +231,7 @@ static lg_status scores(void *user, lg_tape *t, const lg_var *w, const lg_var *f
         out[0] = svm ? both(t, y, lg_neg(t, y)) : both(t, lg_neg(t, y), y);
     else
         out[0] = svm ? votes(t, c, w, y) : y;
-    if (logistic) out[0] = c->classes == 2 ? lg_act(t, out[0], LG_SIGMOID) : softmax(t, y);
+    if (logistic) out[0] = c->classes == 2 ? lg_act(t, out[0], LG_SIGMOID) : lg_record_softmax(t, y);
     return LG_OK;
 }
 

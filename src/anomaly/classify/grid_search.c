@@ -15,9 +15,8 @@ typedef struct search {
     const uint32_t *chosen;
     size_t rows;
     uint32_t d, classes;
-    uint32_t *fold;  /* (rows) fold of each chosen row */
-    double *part;    /* (count, folds) accuracy of each option in each fold */
-    lg_error *error; /* (count, folds) */
+    uint32_t *fold; /* (rows) fold of each chosen row */
+    double *part;   /* (count, folds) accuracy of each option in each fold; NaN: it did not converge */
 } search;
 
 /* Collects the table rows that fold `fold` is tested on (`test`), or the rows that it is trained on. Returns
@@ -49,12 +48,17 @@ static lg_status try_fold(const search *s, size_t option, uint32_t fold, double 
     return LG_OK;
 }
 
-static void search_task(void *user, size_t index) {
+static lg_status search_task(void *user, size_t index, lg_error *error) {
     const search *s = user;
-    lg_error *error = &s->error[index];
-    error->status = lg_cancelled(s->context)
-                        ? LG_CANCELLED
-                        : try_fold(s, index / s->folds, (uint32_t)(index % s->folds), &s->part[index], error);
+    const size_t option = index / s->folds;
+    lg_error why = {LG_OK, ""};
+    const lg_status status = lg_cancelled(s->context)
+                                 ? LG_CANCELLED
+                                 : try_fold(s, option, (uint32_t)(index % s->folds), &s->part[index], &why);
+    if (status == LG_NO_CONVERGENCE) s->part[index] = NAN;
+    if (status == LG_OK || status == LG_NO_CONVERGENCE) return LG_OK;
+    return lg_fail(error, status, "setting %zu: %s", option,
+                   why.message[0] != '\0' ? why.message : lg_status_sentence(status));
 }
 
 /* Deals the rows to the folds, of which there are at most as many as rows, or units, of the rarest class. */
@@ -80,13 +84,6 @@ static lg_status deal(search *s, uint32_t folds, lg_error *error) {
  * converge in some fold gets NaN and is not chosen. */
 static lg_status collect(const search *s, double *accuracy, size_t *best, lg_error *error) {
     size_t chosen = s->count;
-    for (size_t i = 0; i < s->count * s->folds; i++) {
-        const lg_error *of = &s->error[i];
-        if (of->status != LG_OK && of->status != LG_NO_CONVERGENCE)
-            return lg_fail(error, of->status, "setting %zu: %s", i / s->folds,
-                           of->message[0] != '\0' ? of->message : lg_status_sentence(of->status));
-        if (of->status != LG_OK) s->part[i] = NAN;
-    }
     for (size_t o = 0; o < s->count; o++) {
         accuracy[o] = 0.0;
         for (uint32_t f = 0; f < s->folds; f++) accuracy[o] += s->part[o * s->folds + f];
@@ -127,13 +124,7 @@ lg_status lg_classifier_search(const lg_context *context, const lg_classifier_op
     if (dealt != LG_OK) return dealt == LG_OUT_OF_MEMORY ? lg_no_memory(error) : dealt;
     const size_t jobs = count * s.folds;
     LG_TRY_SCRATCH(double, part, context, jobs, lg_no_memory(error));
-    LG_TRY_SCRATCH(lg_error, errors, context, jobs, lg_no_memory(error));
-    s.part = part, s.error = errors;
-    lg_thread_pool *pool = NULL;
-    const lg_status made =
-        lg_thread_pool_create(context, (size_t)threads < jobs ? threads : (int)jobs, &pool);
-    if (made != LG_OK) return lg_fail(error, made, "%d threads could not be started", threads);
-    lg_thread_pool_run(pool, jobs, search_task, &s);
-    lg_thread_pool_destroy(pool);
+    s.part = part;
+    LG_TRY(lg_jobs_run(context, (uint64_t)threads, jobs, search_task, &s, error));
     return collect(&s, accuracy, best, error);
 }

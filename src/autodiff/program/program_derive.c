@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "autodiff/program/program.h"
+#include "autodiff/tape/sweep.h"
 #include "core/clean.h"
 #include "liegrad/ops.h"
 
@@ -81,35 +82,15 @@ static uint32_t total(const lg_port *ports, const size_t *chosen, size_t count) 
     return sum;
 }
 
-/* (B, shape...) -> (B copies, shape...): repeats each row `copies` times. */
-static lg_var repeat_rows(lg_tape *tape, const lg_port *port, lg_var x, uint32_t rows, uint32_t copies) {
-    const uint32_t n = elements(port);
-    const lg_var one = lg_reshape(tape, x, lg_shape3(rows, 1, n));
-    const lg_var all = lg_broadcast_to(tape, one, lg_shape3(rows, copies, n));
-    return lg_reshape(tape, all, lg_port_shape(port, (size_t)rows * copies));
-}
-
-/* The unit vectors for one port. In each block of `copies` rows, row r holds e_(r - first) if this is a unit
- * vector of the port, otherwise 0. */
-static lg_var unit_rows(lg_tape *tape, const lg_port *port, uint32_t rows, uint32_t copies, uint32_t first) {
-    const uint32_t n = elements(port);
-    void *memory = NULL;
-    const lg_var leaf = lg_input_buffer(tape, lg_shape3(1, copies, n), &memory);
-    if (memory == NULL) return LG_NONE;
-    tape->k->fill((size_t)copies * n, 0.0, memory);
-    for (uint32_t i = 0; i < n; i++)
-        tape->k->fill(1, 1.0, (unsigned char *)memory + ((size_t)(first + i) * n + i) * tape->k->size);
-    const lg_var all = lg_broadcast_to(tape, leaf, lg_shape3(rows, copies, n));
-    return lg_reshape(tape, all, lg_port_shape(port, (size_t)rows * copies));
-}
-
 /* The unit vectors for all chosen ports; each port has its own range of directions (or cotangents). */
 static void unit_vectors(lg_tape *tape, const lg_port *ports, const size_t *chosen, size_t count,
                          uint32_t rows, uint32_t copies, lg_var *out) {
     uint32_t first = 0;
     for (size_t i = 0; i < count; i++) {
-        out[i] = unit_rows(tape, &ports[chosen[i]], rows, copies, first);
-        first += elements(&ports[chosen[i]]);
+        const lg_port *port = &ports[chosen[i]];
+        const lg_var units = lg_record_units(tape, rows, copies, -(ptrdiff_t)first, elements(port));
+        out[i] = lg_reshape(tape, units, lg_port_shape(port, (size_t)rows * copies));
+        first += elements(port);
     }
 }
 
@@ -143,7 +124,7 @@ static lg_status record_jacobian(const differentiable *f, lg_tape *tape, const l
     const uint32_t copies = forward ? n_in : n_out, rows = lg_var_shape(tape, in[f->by[0]]).dims[0];
     lg_var tiled[PORTS], y[PORTS], of[PORTS], by[PORTS], unit[PORTS], derivative[PORTS];
     for (size_t i = 0; i < f->inputs; i++)
-        tiled[i] = f->in[i].shared ? in[i] : repeat_rows(tape, &f->in[i], in[i], rows, copies);
+        tiled[i] = f->in[i].shared ? in[i] : lg_record_copies(tape, in[i], copies);
     LG_TRY(lg_tape_status(tape));
     LG_TRY(f->record(f, tape, parameters, tiled, y));
     for (size_t j = 0; j < f->of_count; j++) of[j] = y[f->of[j]];

@@ -167,6 +167,28 @@ lg_var lg_unit_like(lg_tape *tape, lg_var v, size_t one) {
     return unit;
 }
 
+lg_var lg_record_copies(lg_tape *tape, lg_var x, uint32_t copies) {
+    const lg_shape shape = lg_var_shape(tape, x);
+    if (shape.rank == 0 || copies == 1) return x;
+    const uint32_t rows = shape.dims[0], length = (uint32_t)(lg_shape_count(shape) / rows);
+    lg_shape all = shape;
+    all.dims[0] = rows * copies;
+    const lg_var one = lg_reshape(tape, x, lg_shape3(rows, 1, length));
+    return lg_reshape(tape, lg_broadcast_to(tape, one, lg_shape3(rows, copies, length)), all);
+}
+
+lg_var lg_record_units(lg_tape *tape, uint32_t rows, uint32_t count, ptrdiff_t first, uint32_t n) {
+    void *values = NULL;
+    const lg_var units = lg_input_buffer(tape, lg_shape3(1, count, n), &values);
+    if (lg_is_none(units)) return units;
+    tape->k->fill((size_t)count * n, 0.0, values);
+    for (ptrdiff_t i = 0, at = first; i < count; i++, at++)
+        if (at >= 0 && at < n)
+            tape->k->fill(1, 1.0, (unsigned char *)values + (size_t)(i * n + at) * tape->k->size);
+    const lg_var all = lg_broadcast_to(tape, units, lg_shape3(rows, count, n));
+    return lg_reshape(tape, all, lg_shape2(rows * count, n));
+}
+
 static lg_var jacobian_row(lg_tape *tape, lg_var y, lg_var x, size_t row) {
     lg_var seed = lg_unit_like(tape, y, row), out = LG_NONE;
     if (lg_vjp(tape, &y, &seed, 1, &x, 1, &out) != LG_OK) return LG_NONE;

@@ -19,6 +19,11 @@ bool lg_frozen(const lg_node *node, uint32_t input);
 void lg_mark_reach(const lg_tape *tape, lg_node_range range, const lg_var *wrt, size_t n, uint8_t *reach);
 /* A tensor of v's shape that is 1 at element `one` and 0 elsewhere. */
 lg_var lg_unit_like(lg_tape *tape, lg_var v, size_t one);
+/* Repeats each row of x `copies` times in succession: (B, ...) -> (B copies, ...). */
+lg_var lg_record_copies(lg_tape *tape, lg_var x, uint32_t copies);
+/* Unit vectors e_first, e_(first + 1), ... with n numbers, `count` of them for each of `rows` rows: (rows
+ * count, n). Where there is no such unit vector, the numbers are 0. */
+lg_var lg_record_units(lg_tape *tape, uint32_t rows, uint32_t count, ptrdiff_t first, uint32_t n);
 /* Calls node i's vjp with cotangent g. Afterwards `out` holds the cotangents of the inputs. `sweep` is NULL
  * in a recorded sweep. */
 void lg_reverse_step(lg_tape *tape, lg_node_range range, const uint8_t *reach, struct lg_sweep *sweep,

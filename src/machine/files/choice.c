@@ -84,29 +84,19 @@ static lg_status read_trial(const lg_choosing *c, const char *text, trial_traini
     return lg_held_out_match(&c->held, &all->data.logs, &t->state.data.logs, &t->held, error);
 }
 
-/* The loss of each window of the fit, with the scales that the loss had before the fit. */
+/* The loss of each window of the fit, with the scales that the loss had before the fit, and with all of the
+ * priors. */
 static lg_status judge_fit(const trial_training *t, const lg_machine_problem *before, lg_machine_trial *out,
                            lg_error *error) {
     const lg_training *self = &t->training;
-    const size_t P = t->run.machine.parameters, all = before->windows,
-                 start = (lg_machine_problem_parameters(before) - P) / all;
-    lg_machine_problem one = *before;
-    LG_TRY_SCRATCH(double, theta, self->context, P + start + 1, lg_no_memory(error));
-    out->left = lg_alloc(self->context, all, sizeof *out->left);
+    lg_machine_problem problem = *before;
+    out->rows = problem.window;
+    out->fits = problem.windows - problem.validation;
+    out->left = lg_alloc(self->context, problem.windows, sizeof *out->left);
     if (out->left == NULL) return lg_no_memory(error);
-    one.substeps = t->run.substeps;
-    one.windows = 1;
-    one.validation = 0;
-    out->rows = one.window;
-    out->fits = all - before->validation;
-    memcpy(theta, self->theta, P * sizeof *theta);
-    for (size_t w = 0; w < out->fits; w++) {
-        one.start = before->start + w;
-        for (size_t i = 0; i < start; i++) /* their unit has the root of the number of windows */
-            theta[P + i] = sqrt((double)all) * self->theta[P + w * start + i];
-        LG_TRY(lg_machine_loss(self->context, &one, theta, &out->left[w], NULL, error));
-    }
-    return LG_OK;
+    problem.substeps = t->run.substeps;
+    problem.residual = sqrt((double)out->fits);
+    return lg_machine_losses(self->context, &problem, self->theta, out->left, error);
 }
 
 static lg_status learn(trial_training *t, lg_machine_trial *out, lg_error *error) {

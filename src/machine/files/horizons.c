@@ -105,10 +105,8 @@ static void add_run(const runs *r, size_t i, double seconds, bool unchanged, lg_
 
 /* ---- errors up to a horizon ---- */
 
-/* Rows, `every` rows apart in each part, from which a run of `steps` intervals stays within the part:
- * complete rows, or those from whose start_rows last rows the state can be estimated. */
-static size_t find_starts(const lg_machine *machine, const lg_machine_log *log, size_t start_rows,
-                          size_t steps, size_t every, size_t *out) {
+size_t lg_log_starts(const lg_machine *machine, const lg_machine_log *log, size_t start_rows, size_t steps,
+                     size_t every, size_t *out) {
     const bool estimated = start_rows > 0;
     const size_t before = estimated ? start_rows - 1 : 0;
     size_t count = 0;
@@ -118,6 +116,15 @@ static size_t find_starts(const lg_machine *machine, const lg_machine_log *log, 
                 lg_machine_log_complete(machine, log, row - before, estimated) &&
                 lg_machine_log_complete(machine, log, row, estimated))
                 out[count++] = row;
+    return count;
+}
+
+size_t lg_log_stretches(const lg_machine *machine, const lg_machine_log *log, size_t steps, size_t every,
+                        size_t *out) {
+    const size_t all = lg_log_starts(machine, log, 0, steps, every, out);
+    size_t count = 0;
+    for (size_t i = 0; i < all; i++)
+        if (lg_machine_log_complete(machine, log, out[i] + steps, false)) out[count++] = out[i];
     return count;
 }
 
@@ -166,7 +173,7 @@ lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg
     LG_TRY_SCRATCH(double, own, context, log->rows *LG_RUN_ERRORS, lg_no_memory(error));
     LG_CLEAN(runs_end)
     runs r = {context, machine, .log = log, .steps = most_steps(log, seconds), .start = start};
-    if (r.steps > 0) out->starts = r.count = find_starts(machine, from, start_rows, r.steps, every, start);
+    if (r.steps > 0) out->starts = r.count = lg_log_starts(machine, from, start_rows, r.steps, every, start);
     if (r.count == 0) return LG_OK;
     LG_TRY(predict(runner, user, from, &r, error));
     set_errors(&r, own, out);
@@ -264,7 +271,7 @@ lg_status lg_machine_states(const lg_learned_machine *model, const lg_machine_lo
     LG_TRY_SCRATCH(size_t, start, model->context, log->rows, lg_no_memory(error));
     memcpy(out->q, log->q, log->rows * nq * sizeof *out->q);
     for (size_t i = 0; i < log->rows * nv; i++) out->v[i] = NAN;
-    const size_t count = find_starts(machine, log, model->start_rows, 0, every, start);
+    const size_t count = lg_log_starts(machine, log, model->start_rows, 0, every, start);
     if (count == 0) return LG_OK;
     LG_TRY(lg_machine_run(model, log, start, count, 0, states, states + count * nq, error));
     put_states(machine, start, count, states, states + count * nq, out);
@@ -307,7 +314,7 @@ lg_status lg_machine_choose_start_rows(lg_learned_machine *model, const lg_machi
     LG_CLEAN(runs_end)
     runs r = {model->context, machine, .log = log, .steps = most < LONG ? STEPS : LONG, .start = start};
     model->start_rows = (uint32_t)usual;
-    r.count = find_starts(machine, log, most > usual ? most : usual, r.steps, every, start);
+    r.count = lg_log_starts(machine, log, most > usual ? most : usual, r.steps, every, start);
     for (size_t i = 0; i < LG_COUNT(parts) && r.count > 0; i++) {
         tried.start_rows = (uint32_t)(parts[i] * (double)usual + 0.5);
         if (tried.start_rows > most && parts[i] > 1) continue;
