@@ -10,11 +10,11 @@
 #include "autodiff/program/program.h"
 #include "autodiff/tape/tape_internal.h"
 #include "core/clean.h"
-#include "kernels/matrix.h"
+#include "kernels/lapack.h"
 
 LG_AT(lg_program_destroy, lg_program)
 
-enum { STATES = 6, DEGREE = 12, TERMS = 500 };
+enum { STATES = 6, DEGREE = 12, TERMS = 500, BLOCK = 32 /* columns in a block of LAPACK */ };
 
 typedef struct fitting {
     const lg_context *context;
@@ -139,44 +139,24 @@ static void fill_rows(fitting *f) {
     }
 }
 
-/* A = Q R by Cholesky's factor of A^T A, twice, which is as accurate as Householder's method for conditions
- * up to 1e8. With y = R x the program is min (R^-T c)^T y with Q y >= b. R is collected in `total`, upper
- * triangular. */
-static bool orthonormalise(fitting *f, double *gram, double *L, double *total) {
-    const size_t n = f->terms;
-    for (int round = 0; round < 2; round++) {
-        double largest = 0;
-        memset(gram, 0, n * n * sizeof *gram);
-        for (size_t i = 0; i < f->points; i++)
-            for (size_t j = 0; j < n; j++)
-                for (size_t k = 0; k <= j; k++) gram[j * n + k] += f->A[i * n + j] * f->A[i * n + k];
-        for (size_t j = 0; j < n; j++)
-            for (size_t k = 0; k < j; k++) gram[k * n + j] = gram[j * n + k];
-        for (size_t j = 0; j < n; j++) largest = fmax(largest, gram[j * n + j]);
-        for (size_t j = 0; j < n; j++) gram[j * n + j] += 1e-15 * largest;
-        if (!lg_matrix_cholesky(n, gram, L)) return false;
-        for (size_t i = 0; i < f->points; i++) /* rows of A L^-T */
-            for (size_t j = 0; j < n; j++) {
-                double rest = f->A[i * n + j];
-                for (size_t k = 0; k < j; k++) rest -= f->A[i * n + k] * L[j * n + k];
-                f->A[i * n + j] = rest / L[j * n + j];
-            }
-        for (size_t i = 0; i < n; i++) /* total = L^T total; total is 1 at first */
-            for (size_t j = 0; j < n; j++) {
-                double sum = 0;
-                for (size_t k = i; k < n; k++)
-                    sum += L[k * n + i] * (round == 0 ? (double)(k == j) : total[k * n + j]);
-                gram[i * n + j] = sum;
-            }
-        memcpy(total, gram, n * n * sizeof *total);
-    }
-    return true;
+/* A = Q R by Householder reflections; LAPACK reads A by columns, which is A^T = L Q with L = R^T. With y = R x
+ * the program is min (R^-T c)^T y with Q y >= b. A becomes Q; R (terms, terms) is upper triangular. */
+static bool orthonormalise(fitting *f, double *R, double *work) {
+    const int n = (int)f->terms, points = (int)f->points, room = BLOCK * n;
+    double tau[TERMS];
+    int info;
+    if (points < n) return false;
+    dgelqf_(&n, &points, f->A, &n, tau, work, &room, &info);
+    for (size_t j = 0; j < f->terms && info == 0; j++)
+        memcpy(R + j * f->terms + j, f->A + j * f->terms + j, (f->terms - j) * sizeof *R);
+    dorglq_(&n, &points, &n, f->A, &n, tau, work, &room, &info);
+    return info == 0;
 }
 
-static lg_status solve(fitting *f, double *matrices) {
+static lg_status solve(fitting *f, double *R) {
     const size_t n = f->terms;
-    double *R = matrices + 2 * n * n, y[TERMS];
-    if (!orthonormalise(f, matrices, matrices + n * n, R)) return LG_NO_CONVERGENCE;
+    double y[TERMS];
+    if (!orthonormalise(f, R, R + n * n)) return LG_NO_CONVERGENCE;
     for (size_t j = 0; j < n; j++) { /* R^T c' = c */
         for (size_t k = 0; k < j; k++) f->c[j] -= R[k * n + j] * f->c[k];
         f->c[j] /= R[j * n + j];
@@ -220,7 +200,7 @@ static lg_status polynomial(void *user, lg_tape *tape, const lg_var *theta, cons
 static lg_status fit(fitting *f, lg_error *error) {
     const lg_port in = {.name = "x", .shape = lg_shape1((uint32_t)f->n)}, out = {.name = "v"};
     const lg_function_spec function = {f->spec->name, &in, 1, &out, 1, polynomial, f};
-    const size_t n = f->terms, numbers = 3 * f->points * f->n + f->points * (n + 1) + n + 3 * n * n;
+    const size_t n = f->terms, numbers = 3 * f->points * f->n + f->points * (n + 1) + n + n * (n + BLOCK);
     LG_TRY_SCRATCH(double, memory, f->context, numbers, lg_no_memory(error));
     f->x = memory;
     f->q = f->x + f->points * f->n;
