@@ -9,7 +9,6 @@
 #include "certify/evolution.h"
 #include "core/portions.h"
 #include "core/clean.h"
-#include "kernels/lapack.h"
 #include "kernels/matrix.h"
 #include "liegrad/control.h"
 #include "liegrad/lyapunov.h"
@@ -194,10 +193,7 @@ static const double margin = 0.02;
  * over the mean of the eigenvalues, with the linear loop C = A - B K. At most 0: it does not fall. */
 static double fall_near(const searching *s, form *f, const double *K) {
     const size_t n = s->n, m = s->m;
-    const int size = (int)n, words = 1 + 2 * STATES, whole = 1;
-    double C[STATES * STATES], CT[STATES * STATES], M[STATES * STATES], w[STATES], work[1 + 2 * STATES],
-        mean = 0;
-    int integer, info = 0;
+    double C[STATES * STATES], CT[STATES * STATES], M[STATES * STATES], w[STATES], mean = 0;
     memcpy(C, s->A, n * n * sizeof *C);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++)
@@ -211,9 +207,9 @@ static double fall_near(const searching *s, form *f, const double *K) {
             if (!isfinite(CT[i * n + j])) return -1;
             if (i == j) mean += CT[i * n + j] / (double)n;
         }
-    dsyevd_("N", "L", &size, CT, &size, w, work, &words, &integer, &whole, &info);
+    const bool found = lg_matrix_eigen(n, false, CT, w);
     f->margin = fmin(margin * mean, 0.5 * w[0]);
-    return info == 0 && mean > 0 ? w[0] / mean : -1;
+    return found && mean > 0 ? w[0] / mean : -1;
 }
 
 /* What a slow fall near the goal costs: proofs need boxes there. */
