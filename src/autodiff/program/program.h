@@ -117,6 +117,9 @@ typedef struct lg_program_part {
 } lg_program_part;
 lg_status lg_program_record_part(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                  lg_var *out);
+/* Copies a function, with its calls and loops written out, into a program of its own that has the parameters
+ * and the description of this one. */
+lg_status lg_program_flat(const lg_program *program, size_t function, lg_program **out, lg_error *error);
 lg_status lg_program_jacobian(lg_program *program, const char *function, lg_error *error);
 /* Makes a program without functions that has the parameters and the description of another. */
 lg_status lg_program_bare(const lg_program *from, lg_program **out, lg_error *error);
