@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/program/program.h"
 #include "control/policy.h"
 #include "files/frame.h"
 #include "lg-control/control_app.h"
@@ -88,7 +89,7 @@ static void disturb(const app *self, lg_policy *policy) {
 static double time_control(const app *self, const lg_policy *policy) {
     enum { CALLS = 20000 };
     lg_plan *plan = NULL;
-    APP_MUST(self, lg_policy_plan(policy, "control", LG_F64, 1, &plan, &error));
+    APP_MUST(self, lg_program_plan(policy->program, "control", LG_F64, 1, &plan, &error));
     APP_FREE double *x = app_alloc(lg_plan_input_count(plan, 0), sizeof *x);
     APP_FREE double *u = app_alloc(lg_plan_output_count(plan, 0), sizeof *u);
     APP_FREE void *work = app_alloc(lg_plan_work_size(plan), 1);

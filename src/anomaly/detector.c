@@ -2,6 +2,7 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "autodiff/program/program.h"
 #include "kernels/kernels.h"
 #include "core/clean.h"
 #include "core/portions.h"
@@ -107,13 +108,8 @@ size_t lg_detector_work_size(const lg_detector_plan *plan) {
 
 static lg_status make_scores(lg_detector_plan *made, const double *theta, lg_error *error) {
     LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
-    lg_plan_options options;
-    size_t function;
     LG_TRY(lg_detector_build(made->context, &made->model, &made->scaler, theta, true, &program, error));
-    lg_plan_options_init(&options);
-    options.dtype = made->dtype;
-    LG_TRY(lg_program_find(program, "scores", &function, NULL));
-    return lg_plan_create(program, function, &options, &made->scores, error);
+    return lg_program_plan(program, "scores", made->dtype, 1, &made->scores, error);
 }
 
 lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *model,

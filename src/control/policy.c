@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/program/program.h"
 #include "control/policy.h"
 #include "core/widen.h"
 #include "kernels/kernels.h"
@@ -227,7 +228,7 @@ static lg_status choose_substeps(lg_policy *p, double wanted, uint64_t seed, lg_
     const size_t x = (size_t)TRIALS * p->state;
     LG_CLEAN(lg_plan_destroy_at) lg_plan *step = NULL;
     lg_rng rng;
-    LG_TRY(lg_policy_plan(p, "step", LG_F64, TRIALS, &step, error));
+    LG_TRY(lg_program_plan(p->program, "step", LG_F64, TRIALS, &step, error));
     LG_TRY_SCRATCH(double, start, p->context, 4 * x + TRIALS * (p->inputs + 1), lg_no_memory(error));
     LG_TRY_SCRATCH(char, work, p->context, lg_plan_work_size(step), lg_no_memory(error));
     double *coarse = start + x, *fine = coarse + x, *next = fine + x, *u = next + x,

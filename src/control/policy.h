@@ -182,9 +182,6 @@ enum { LG_POLICY_BEYOND = 2, LG_POLICY_PENALTY = 3, LG_POLICY_PLANNED = 4 };
 lg_status lg_policy_add_planned(lg_policy *policy, lg_error *error);
 /* Adds the function sensed_by_control (x) -> what `control` takes: its name leaves `sensed` to the plant. */
 LG_API lg_status lg_policy_add_sensed(lg_policy *policy, lg_error *error);
-/* A plan of a function of the program for `rows` rows. */
-LG_API lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype dtype, size_t rows,
-                                lg_plan **out, lg_error *error);
 /* Plans of `count` functions of the policy, or of each of its draws (`drawn`). */
 typedef struct lg_policy_plans {
     const lg_context *context;

@@ -476,14 +476,3 @@ lg_status lg_policy_add_functions(lg_policy *p, lg_error *error) {
     LG_TRY(adjoint(p, "closed", NULL, 0, OUTS("next", "cost"), 2, error));
     return lg_policy_is_disturbed(&p->task) ? lg_policy_add_disturbed(p, error) : LG_OK;
 }
-
-lg_status lg_policy_plan(const lg_policy *p, const char *function, lg_dtype dtype, size_t rows, lg_plan **out,
-                         lg_error *error) {
-    lg_plan_options options;
-    size_t number;
-    lg_plan_options_init(&options);
-    options.rows = rows;
-    options.dtype = dtype;
-    LG_TRY(lg_program_find(p->program, function, &number, error));
-    return lg_plan_create(p->program, number, &options, out, error);
-}

@@ -138,6 +138,10 @@ void lg_function_destroy(const lg_context *context, lg_function *function);
  * is below LG_MAX_RANK. */
 lg_port lg_path_port(const lg_port *output, uint32_t times, const char *name);
 
+/* lg_plan_create for a function with this name, and otherwise default options. */
+LG_API lg_status lg_program_plan(const lg_program *program, const char *function, lg_dtype dtype, size_t rows,
+                                 lg_plan **out, lg_error *error);
+
 /* Shape and attributes of a node for this number of rows. False: a dimension or an attribute is negative or
  * too large for this number. attr->pointer points into the function. */
 bool lg_node_shape_at(const lg_program_node *node, size_t rows, lg_shape *shape);
