@@ -2,9 +2,6 @@
 
 #include <string.h>
 
-#include "core/clean.h"
-
-LG_AT(lg_program_destroy, lg_program)
 
 enum { MOST_PORTS = LG_PROGRAM_MAX_PORTS };
 

@@ -8,7 +8,6 @@
 #include "core/portions.h"
 #include "anomaly/detector_internal.h"
 
-LG_AT(lg_program_destroy, lg_program)
 LG_AT(lg_detector_plan_destroy, lg_detector_plan)
 
 static const char *const loss_names[LG_DETECTOR_LOSS_COUNT] = {"mse", "cross-entropy"};

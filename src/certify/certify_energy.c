@@ -5,9 +5,6 @@
 
 #include "certify/certify.h"
 
-LG_AT(lg_program_destroy, lg_program)
-LG_AT(lg_interval_destroy, lg_interval)
-
 void lg_certify_energy_spec_init(lg_certify_energy_spec *spec) {
     if (spec != NULL) *spec = (lg_certify_energy_spec){.size = sizeof *spec, .period = 6.283185307179586};
 }

@@ -6,8 +6,6 @@
 #include "autodiff/program/plan_graph.h"
 #include "certify/interval.h"
 
-LG_AT(lg_program_destroy, lg_program)
-
 _Static_assert((int)LG_INTERVAL_DEFINED == LG_S_DEFINED && (int)LG_INTERVAL_LIPSCHITZ == LG_S_LIPSCHITZ,
                "levels of scalar code");
 

@@ -9,10 +9,7 @@
 #include "certify/linear_program.h"
 #include "autodiff/program/program.h"
 #include "autodiff/tape/tape_internal.h"
-#include "core/clean.h"
 #include "kernels/lapack.h"
-
-LG_AT(lg_program_destroy, lg_program)
 
 enum { STATES = 6, DEGREE = 12, TERMS = 500, BLOCK = 32 /* columns in a block of LAPACK */ };
 
@@ -139,8 +136,8 @@ static void fill_rows(fitting *f) {
     }
 }
 
-/* A = Q R by Householder reflections; LAPACK reads A by columns, which is A^T = L Q with L = R^T. With y = R x
- * the program is min (R^-T c)^T y with Q y >= b. A becomes Q; R (terms, terms) is upper triangular. */
+/* A = Q R by Householder reflections; LAPACK reads A by columns, as A^T = L Q with L = R^T. With y = R x the
+ * program is min (R^-T c)^T y with Q y >= b. A becomes Q; R (terms, terms) is upper triangular. */
 static bool orthonormalise(fitting *f, double *R, double *work) {
     const int n = (int)f->terms, points = (int)f->points, room = BLOCK * n;
     double tau[TERMS];

@@ -14,8 +14,6 @@
 #include "liegrad/control.h"
 #include "liegrad/lyapunov.h"
 
-LG_AT(lg_thread_pool_destroy, lg_thread_pool)
-
 enum { STATES = 16, INPUTS = 16, MOST = STATES * (STATES + 1) / 2 + STATES * INPUTS, ROWS = 128, POOL = 512 };
 
 /* The fractions of V up to the box at which a sample is tried. */

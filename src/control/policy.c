@@ -8,8 +8,6 @@
 #include "kernels/kernels.h"
 
 LG_AT(lg_plan_destroy, lg_plan)
-LG_AT(lg_program_destroy, lg_program)
-LG_AT(lg_function_image_destroy, lg_function_image)
 
 const char *lg_policy_kind_name(lg_policy_kind kind) {
     static const char *const names[LG_POLICY_KIND_COUNT] = {"lqr", "network", "energy"};

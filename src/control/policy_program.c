@@ -7,8 +7,6 @@
 #include "control/policy.h"
 #include "liegrad/ops.h"
 
-LG_AT(lg_function_image_destroy, lg_function_image)
-
 /* Whether the functions of a policy begin here, in a program that is a policy's. */
 static bool is_own(const lg_program *program, const char *name) {
     char plant[32];

@@ -7,7 +7,6 @@
 #include "core/portions.h"
 
 enum { ROWS = LG_POLICY_ROWS };
-LG_AT(lg_thread_pool_destroy, lg_thread_pool)
 
 size_t lg_policy_periods(const lg_policy *policy, double seconds) {
     const double n = floor(seconds / policy->task.period + 0.5);

@@ -10,7 +10,7 @@
 
 #include "anomaly/classify/classify_internal.h"
 #include "liegrad/ops.h"
-#include "liegrad/program.h"
+#include "autodiff/program/program.h"
 
 /* Rows of SIGN are pairs of classes (i, j): 1 for i, -1 for j. LIVING is 1 for pairs whose classes both have
  * support vectors, PRESENT 1 for classes that have some. ORDER falls with the number of the class. EPS is the
@@ -20,8 +20,6 @@ enum { ORDER = PRESENT + 1, EPS, PARAMETERS };
 static const char *const names[PARAMETERS] = {"mean",   "rest",    "inverse",   "components", "weight",
                                               "bias",   "vector",  "threshold", "fraction",   "sign",
                                               "living", "present", "order",     "eps"};
-
-LG_AT(lg_program_destroy, lg_program)
 
 typedef struct chain {
     const lg_classifier *c;

@@ -10,7 +10,11 @@
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/tape/heap.h"
 #include "autodiff/tape/tape_internal.h"
+#include "core/clean.h"
 #include "liegrad/program.h"
+
+LG_AT(lg_program_destroy, lg_program)
+LG_AT(lg_function_image_destroy, lg_function_image)
 
 static inline int64_t lg_affine_at(lg_affine a, size_t rows) {
     return a.base + a.rows * (int64_t)rows;

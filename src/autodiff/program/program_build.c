@@ -8,9 +8,6 @@
 #include <string.h>
 
 #include "autodiff/program/program_call.h"
-#include "core/clean.h"
-
-LG_AT(lg_program_destroy, lg_program)
 
 /* A derivative consists of known operations, so three numbers of rows suffice. The caller's own code may
  * branch on values, which recordings at more points reveal. */
