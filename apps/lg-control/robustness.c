@@ -4,6 +4,7 @@
 
 #include "control/policy.h"
 #include "lg-control/control_app.h"
+#include "machine/internal.h"
 
 /* A number of the machine: known values that change together, or an identified one, a function of theta. */
 typedef struct number {
@@ -29,21 +30,15 @@ static number *add(table *t, const char *name, uint32_t count, uint32_t k) {
     return row;
 }
 
-static bool is_unknown(const lg_machine_term *term, uint32_t index) {
-    for (uint32_t k = 0; k < term->entry_count; k++)
-        if (term->entries[k].index == index) return true;
-    return false;
-}
-
 /* The known values of a term; a matrix of the velocities with numbers off its diagonal changes as a whole. */
 static void add_term(table *t, lg_machine_term *term) {
     const uint32_t n = t->machine->machine.velocities, count = term->value_count;
     const char *kind = lg_term_kind_name(term->kind);
     const char *name = strcmp(kind, "known") == 0 ? lg_machine_part_name(term->part) : kind;
     bool whole = count == n * n && n > 1;
-    for (uint32_t k = 0; whole && k < count; k++) whole = !is_unknown(term, k);
+    for (uint32_t k = 0; whole && k < count; k++) whole = !lg_machine_is_entry_of(term, k);
     for (uint32_t k = 0; k < count && !(whole && k > 0); k++) {
-        if (!whole && (term->values[k] == 0 || is_unknown(term, k))) continue;
+        if (!whole && (term->values[k] == 0 || lg_machine_is_entry_of(term, k))) continue;
         number *row = add(t, name, whole ? 1 : count, k);
         row->at = &term->values[k], row->count = whole ? count : 1;
     }

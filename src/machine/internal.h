@@ -233,7 +233,7 @@ lg_var lg_machine_record_entries(const lg_term_at *at, uint32_t count, const uin
                                  const double *factor);
 lg_term_numbers lg_numbers_entries;
 /* Whether one of the entries stands for this value of the term. */
-bool lg_machine_is_entry_of(const lg_machine_term *term, uint32_t index);
+LG_API bool lg_machine_is_entry_of(const lg_machine_term *term, uint32_t index);
 /* lg_term_kind.scaling of the unknown entries. */
 void lg_machine_scale_entries(const lg_machine *machine, const lg_machine_term *term, const double *theta,
                               double *direction);
