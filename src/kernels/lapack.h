@@ -21,11 +21,6 @@ extern void dposv_(const char *uplo, const int *n, const int *nrhs, double *a, c
 /* A = Q R by Householder reflections. */
 extern void dgeqrf_(const int *m, const int *n, double *a, const int *lda, double *tau, double *work,
                     const int *lwork, int *info);
-/* A = L Q by Householder reflections, and the first m rows of this Q, which overwrite A. */
-extern void dgelqf_(const int *m, const int *n, double *a, const int *lda, double *tau, double *work,
-                    const int *lwork, int *info);
-extern void dorglq_(const int *m, const int *n, const int *k, double *a, const int *lda, const double *tau,
-                    double *work, const int *lwork, int *info);
 /* QR factor R of the matrix with A (n, n) above B (m, n). A must be an upper triangle. R overwrites A, and B
  * is overwritten. l = 0 means that B has no zeros to use. nb <= n is the number of columns of a block; t is
  * (ldt, n) with ldt >= nb, and work has nb n numbers. */
