@@ -226,7 +226,7 @@ static void follow(const app *self, lg_policy *policy, const char *path, app_jso
     sums sum[LG_POLICY_COORDINATES] = {{0, 0}};
     double saturated = 0;
     lay_out(&f, path);
-    APP_MUST(self, lg_policy_add_sensed(policy, &error));
+    APP_MUST(self, lg_policy_add(policy, "sensed_by_control", &error));
     APP_MUST(self, lg_policy_plans_create(policy, false, names, FUNCTIONS, LG_F64, 1, &plans, &error));
     APP_FREE double *x = app_alloc(2 * policy->state, sizeof *x);
     APP_FREE void *work = app_alloc(plans.work, 1);

@@ -563,7 +563,7 @@ lg_status lg_policy_disturb(lg_policy *policy, const lg_policy_task *by, lg_erro
     policy->task = changed;
     if (!lg_policy_is_disturbed(&changed) || lg_policy_has(policy, "disturbed")) return LG_OK;
     if (!lg_policy_has(policy, "disturbed_regulator"))
-        LG_TRY(lg_policy_add_disturbed_regulator(policy, error));
+        LG_TRY(lg_policy_add(policy, "disturbed_regulator", error));
     return lg_policy_add_disturbed(policy, error);
 }
 

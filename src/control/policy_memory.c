@@ -352,14 +352,10 @@ LG_POLICY_RECORDING(record_reset) {
 }
 
 lg_status lg_policy_add_remember(lg_policy *p, lg_error *error) {
-    const lg_port in[] =
-        {{.name = "x", .shape = lg_shape1(p->layout.given + p->layout.velocities), .low = -1, .high = 1},
-         {.name = "u", .shape = lg_shape1(p->inputs), .low = -1, .high = 1}},
-                  next = {.name = "next"}, first = {.name = "first"};
-    const lg_function_spec remember = {"remember", in, 2, &next, 1, record_remember, p},
-                           reset = {"reset", in, 1, &first, 1, record_reset, p};
-    LG_TRY(lg_program_add_function(p->program, &remember, error));
-    return lg_program_add_function(p->program, &reset, error);
+    static const lg_policy_function remember = {"remember", record_remember, {"given", "unit u"}, {"next"}},
+                                    reset = {"reset", record_reset, {"given"}, {"first"}};
+    LG_TRY(lg_policy_add_row(p, &remember, error));
+    return lg_policy_add_row(p, &reset, error);
 }
 
 /* ---- for certificates ---- */
