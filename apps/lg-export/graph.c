@@ -2,7 +2,6 @@
 
 #include <string.h>
 
-
 enum { MOST_PORTS = LG_PROGRAM_MAX_PORTS };
 
 static lg_status take_operations(graph *g, lg_error *error) {
