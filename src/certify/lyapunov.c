@@ -138,8 +138,8 @@ static void fill_rows(fitting *f) {
 }
 
 /* A = Q R by Cholesky's factor of A^T A, twice, which is as accurate as Householder's method for conditions
- * up to 1e8. With y = R x the program is min (R^-T c)^T y with Q y >= b. A becomes Q; R (terms, terms) is upper
- * triangular. */
+ * up to 1e8. With y = R x the program is min (R^-T c)^T y with Q y >= b. A becomes Q; R (terms, terms) is
+ * upper triangular. */
 static bool orthonormalise(fitting *f, double *gram, double *L, double *R) {
     const int n = (int)f->terms, points = (int)f->points;
     for (size_t j = 0; j < f->terms; j++) R[j * f->terms + j] = 1;

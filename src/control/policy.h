@@ -168,8 +168,8 @@ typedef struct lg_policy_function {
 } lg_policy_function;
 lg_status lg_policy_add_row(const lg_policy *policy, const lg_policy_function *row, lg_error *error);
 /* Adds a function of policy_program.c by its name, or its adjoint: adj1_NAME.
- *   disturbed_regulator  (s, K, noise, late) -> next, cost, u; lg_policy_add_regulated adds it for a disturbed
- *                        task
+ *   disturbed_regulator  (s, K, noise, late) -> next, cost, u; lg_policy_add_regulated adds it for a
+ *                        disturbed task
  *   planned              (x, y, how) -> next, cost, u. With the half range of the inputs and
  *                        r = half y + how_0 policy(x) + how_1 regulator(x), u = sat(r) + how_2 (r - sat(r)),
  *                        and how_3 |(r - sat(r))/half|^2 is added to the cost of the period.

@@ -13,11 +13,14 @@
 #ifndef LG_PROGRAM_FILE_H
 #define LG_PROGRAM_FILE_H
 
-#include "autodiff/program/program.h"
 #include "files/h5.h"
 #include "liegrad/integrators.h"
+#include "liegrad/program.h"
 
 enum { LG_PROGRAM_NAME = 65, LG_PROGRAM_MOST_NAMES = 1024 };
+
+LG_AT(lg_program_destroy, lg_program)
+LG_AT(lg_function_image_destroy, lg_function_image)
 
 /* A path in the file; `text` has room for every path. */
 typedef struct lg_program_key {
