@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/program/program.h"
 #include "control/policy.h"
 #include "files/frame.h"
 #include "lg-control/control_app.h"
@@ -88,7 +89,7 @@ static void disturb(const app *self, lg_policy *policy) {
 static double time_control(const app *self, const lg_policy *policy) {
     enum { CALLS = 20000 };
     lg_plan *plan = NULL;
-    APP_MUST(self, lg_policy_plan(policy, "control", LG_F64, 1, &plan, &error));
+    APP_MUST(self, lg_program_plan(policy->program, "control", LG_F64, 1, &plan, &error));
     APP_FREE double *x = app_alloc(lg_plan_input_count(plan, 0), sizeof *x);
     APP_FREE double *u = app_alloc(lg_plan_output_count(plan, 0), sizeof *u);
     APP_FREE void *work = app_alloc(lg_plan_work_size(plan), 1);
@@ -225,7 +226,7 @@ static void follow(const app *self, lg_policy *policy, const char *path, app_jso
     sums sum[LG_POLICY_COORDINATES] = {{0, 0}};
     double saturated = 0;
     lay_out(&f, path);
-    APP_MUST(self, lg_policy_add_sensed(policy, &error));
+    APP_MUST(self, lg_policy_add(policy, "sensed_by_control", &error));
     APP_MUST(self, lg_policy_plans_create(policy, false, names, FUNCTIONS, LG_F64, 1, &plans, &error));
     APP_FREE double *x = app_alloc(2 * policy->state, sizeof *x);
     APP_FREE void *work = app_alloc(plans.work, 1);

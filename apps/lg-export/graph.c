@@ -2,24 +2,10 @@
 
 #include <string.h>
 
-#include "core/clean.h"
-
-LG_AT(lg_program_destroy, lg_program)
-
 enum { MOST_PORTS = LG_PROGRAM_MAX_PORTS };
 
-/* ---- calls and loops ---- */
-
-static lg_status record(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
-    const graph *g = user;
-    return lg_program_record(tape, g->program, g->function, theta, in, out);
-}
-
-/* Records the function without calls and loops in a program of its own, and takes its operations. */
 static lg_status take_operations(graph *g, lg_error *error) {
-    const lg_function_spec flat = {"flat", g->inputs, g->input_count, g->outputs, g->output_count, record, g};
-    LG_TRY(lg_program_bare(g->program, &g->flat, error));
-    LG_TRY(lg_program_record_function(g->flat, &flat, true, error));
+    LG_TRY(lg_program_flat(g->program, g->function, &g->flat, error));
     LG_TRY(lg_function_image_create(g->flat, 0, &g->image));
     g->count = g->image->operation_count;
     g->results = g->image->results;

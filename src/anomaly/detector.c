@@ -2,12 +2,12 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "autodiff/program/program.h"
 #include "kernels/kernels.h"
 #include "core/clean.h"
 #include "core/portions.h"
 #include "anomaly/detector_internal.h"
 
-LG_AT(lg_program_destroy, lg_program)
 LG_AT(lg_detector_plan_destroy, lg_detector_plan)
 
 static const char *const loss_names[LG_DETECTOR_LOSS_COUNT] = {"mse", "cross-entropy"};
@@ -107,13 +107,8 @@ size_t lg_detector_work_size(const lg_detector_plan *plan) {
 
 static lg_status make_scores(lg_detector_plan *made, const double *theta, lg_error *error) {
     LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
-    lg_plan_options options;
-    size_t function;
     LG_TRY(lg_detector_build(made->context, &made->model, &made->scaler, theta, true, &program, error));
-    lg_plan_options_init(&options);
-    options.dtype = made->dtype;
-    LG_TRY(lg_program_find(program, "scores", &function, NULL));
-    return lg_plan_create(program, function, &options, &made->scores, error);
+    return lg_program_plan(program, "scores", made->dtype, 1, &made->scores, error);
 }
 
 lg_status lg_detector_plan_create(const lg_context *context, const lg_detector *model,

@@ -9,9 +9,6 @@
 #include "certify/interval.h"
 #include "liegrad/ops.h"
 
-LG_AT(lg_program_destroy, lg_program)
-LG_AT(lg_certify_destroy, lg_certify)
-
 enum { LARGEST_STUMPFF = 8 };
 
 _Static_assert((int)LG_CERTIFICATE_STATES == (int)LG_CERTIFY_STATES &&

@@ -19,8 +19,6 @@ void lg_certify_destroy(lg_certify *c) {
     LG_FREE_ALL(c->context, c->stack, c->work, c->batch, c->found, c);
 }
 
-LG_AT(lg_certify_destroy, lg_certify)
-
 static lg_status check_spec(const lg_certify_spec *spec, lg_error *error) {
     if (spec->size != sizeof *spec)
         return lg_fail(error, LG_INVALID_ARGUMENT, "lg_certify_spec.size is not the size of the struct");

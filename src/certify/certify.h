@@ -11,6 +11,8 @@
 #include "liegrad/certify.h"
 #include "liegrad/interval.h"
 
+LG_AT(lg_certify_destroy, lg_certify)
+
 enum { LG_CERTIFY_STATES = 16, LG_CERTIFY_TEXT = 1024, LG_DIGITS_MOST = 32 };
 
 /* certify.c: x with 6 digits, or more until it is not above x (side -1), not below x (1), or x (0): what a

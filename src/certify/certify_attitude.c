@@ -4,22 +4,12 @@
 #include <string.h>
 
 #include "certify/certify.h"
-#include "kernels/lapack.h"
-
-/* Eigenvalues of a symmetric matrix, ascending; errors are below 1e-13 of the largest number (Weyl). */
-static bool eigenvalues(const double *A, double *a) {
-    const int n = 3, words = 64, integers = 32;
-    double copy[9], work[64];
-    int whole[32], info = 0;
-    memcpy(copy, A, sizeof copy);
-    dsyevd_("N", "L", &n, copy, &n, a, work, &words, whole, &integers, &info);
-    return info == 0;
-}
+#include "kernels/matrix.h"
 
 lg_status lg_certify_attitude(const double *A, double damping, lg_certify_attitude_result *result,
                               lg_error *error) {
     lg_certify_attitude_result r = {.verified = false};
-    double a[3], size = 0;
+    double a[3], copy[9], size = 0;
     LG_NEEDS(error, A, result);
     for (int i = 0; i < 9; i++) {
         if (!isfinite(A[i])) return lg_fail(error, LG_NOT_FINITE, "A is not finite");
@@ -28,7 +18,9 @@ lg_status lg_certify_attitude(const double *A, double damping, lg_certify_attitu
     for (int i = 0; i < 9; i++)
         if (fabs(A[i] - A[i % 3 * 3 + i / 3]) > 1e-12 * size)
             return lg_fail(error, LG_INVALID_ARGUMENT, "A is not symmetric");
-    if (!eigenvalues(A, a)) return lg_fail(error, LG_NO_CONVERGENCE, "the eigenvalues of A were not found");
+    memcpy(copy, A, sizeof copy); /* errors of eigenvalues are below 1e-13 of the largest number (Weyl) */
+    if (!lg_matrix_eigen(3, false, copy, a))
+        return lg_fail(error, LG_NO_CONVERGENCE, "the eigenvalues of A were not found");
     const double pairs[3] = {a[0] + a[1], a[0] + a[2], a[1] + a[2]};
     for (int i = 0; i < 3; i++) r.critical[i] = 2 * pairs[i] - 1e-11 * size;
     r.verified = r.critical[0] > 0 && damping > 0;

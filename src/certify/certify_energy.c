@@ -5,9 +5,6 @@
 
 #include "certify/certify.h"
 
-LG_AT(lg_program_destroy, lg_program)
-LG_AT(lg_interval_destroy, lg_interval)
-
 void lg_certify_energy_spec_init(lg_certify_energy_spec *spec) {
     if (spec != NULL) *spec = (lg_certify_energy_spec){.size = sizeof *spec, .period = 6.283185307179586};
 }
@@ -126,20 +123,17 @@ static lg_status check(const lg_certify_energy_spec *spec, lg_error *error) {
 }
 
 /* Copies g into a new program, where it is differentiated. */
-static lg_status prepare(const lg_context *context, const lg_certify_energy_spec *spec, lg_program **program,
-                         lg_interval **g, lg_error *error) {
-    lg_program_part s = {.program = spec->program};
-    size_t inputs, outputs;
-    LG_TRY(lg_program_find(spec->program, spec->slope, &s.function, error));
-    const lg_port *from = lg_program_inputs(spec->program, s.function, &inputs);
-    const lg_port *to = lg_program_outputs(spec->program, s.function, &outputs);
+static lg_status prepare(const lg_certify_energy_spec *spec, lg_program **program, lg_interval **g,
+                         lg_error *error) {
+    size_t function, inputs, outputs;
+    LG_TRY(lg_program_find(spec->program, spec->slope, &function, error));
+    const lg_port *from = lg_program_inputs(spec->program, function, &inputs);
+    const lg_port *to = lg_program_outputs(spec->program, function, &outputs);
     if (inputs != 1 || outputs != 1 || lg_shape_count(from[0].shape) != 1 || lg_shape_count(to[0].shape) != 1)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the function '%s' needs one number in and one out",
                        spec->slope);
-    const lg_port in = {.name = "q", .shape = from[0].shape}, out = {.name = "g"};
-    const lg_function_spec function = {"slope", &in, 1, &out, 1, lg_program_record_part, &s};
-    LG_TRY(lg_program_of(context, &function, 1, program, error));
-    LG_TRY(lg_program_jacobian(*program, "slope", error));
+    LG_TRY(lg_program_flat(spec->program, function, program, error));
+    LG_TRY(lg_program_jacobian(*program, spec->slope, error));
     return lg_interval_create(*program, (const size_t[]){0, 1}, 2, NULL, g, error);
 }
 
@@ -151,7 +145,7 @@ lg_status lg_certify_energy(const lg_context *context, const lg_certify_energy_s
     LG_NEEDS(error, spec, result);
     LG_NEEDS(error, spec->program, spec->slope);
     LG_TRY(check(spec, error));
-    LG_TRY(prepare(context, spec, &program, &g, error));
+    LG_TRY(prepare(spec, &program, &g, error));
     LG_TRY_SCRATCH(char, work, context, lg_interval_work_size(g), lg_no_memory(error));
     checking c = {g, work, &r, 1};
     r.verified = check_side(&c, spec, 1) && check_side(&c, spec, -1);

@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "certify/certify.h"
-#include "kernels/lapack.h"
 #include "kernels/matrix.h"
 
 enum { MOST = LG_CERTIFY_STATES };
@@ -226,12 +225,9 @@ static lg_status add_changes(const lg_certify *c, const double *low, const doubl
  * fast and slowly at the goal: M is diagonal there. For held loops they lie along directions in which a
  * period is linear, and far from linear: sides along the former need not be halved. */
 lg_status lg_certify_turn(lg_certify *c, lg_error *error) {
-    const int n = (int)c->n, words = 1 + 6 * MOST + 2 * MOST * MOST, integers = 3 + 5 * MOST;
-    double low[2 * MOST + 2 * MOST * MOST], high[2 * MOST + 2 * MOST * MOST], U[MOST * MOST], w[MOST],
-        T[MOST * MOST];
-    double work[1 + 6 * MOST + 2 * MOST * MOST], size = 0;
     static const double share = 1e-4;
-    int whole[3 + 5 * MOST], info = 0;
+    double low[2 * MOST + 2 * MOST * MOST], high[2 * MOST + 2 * MOST * MOST], U[MOST * MOST], w[MOST],
+        T[MOST * MOST], size = 0;
     bool slopes;
     banded M;
     LG_TRY(bound(c, NULL, low, high, &slopes));
@@ -245,11 +241,10 @@ lg_status lg_certify_turn(lg_certify *c, lg_error *error) {
         for (size_t i = 0; i < c->n * c->n; i++) U[i] *= share / size;
         LG_TRY(add_changes(c, low, high, U));
     }
-    dsyevd_("V", "L", &n, U, &n, w, work, &words, whole, &integers, &info);
-    if (info != 0) return LG_OK;
+    if (!lg_matrix_eigen(c->n, true, U, w)) return LG_OK;
     memcpy(T, c->T, sizeof T);
     for (size_t i = 0; i < c->n; i++)
-        for (size_t j = 0; j < c->n; j++) { /* column j of U is the eigenvector j */
+        for (size_t j = 0; j < c->n; j++) {
             c->T[i * c->n + j] = 0;
             for (size_t k = 0; k < c->n; k++) c->T[i * c->n + j] += T[i * c->n + k] * U[j * c->n + k];
         }

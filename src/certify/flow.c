@@ -24,7 +24,6 @@ enum {
 /* Evaluators, and the number of numbers of each of their inputs */
 enum { START, START_CHORDS, TUBE, VALUES, CHORDS, REST, REST_SLOPES, RATE_SLOPES, ADVANCE, EVALUATORS };
 
-LG_AT(lg_interval_destroy, lg_interval)
 LG_AT(lg_flow_destroy, lg_flow)
 
 struct lg_flow {

@@ -5,8 +5,6 @@
 #include <math.h>
 #include <string.h>
 
-LG_AT(lg_interval_destroy, lg_interval)
-
 void lg_interval_options_init(lg_interval_options *options) {
     if (options != NULL) *options = (lg_interval_options){.size = sizeof *options};
 }

@@ -9,6 +9,8 @@
 #include "kernels/kernels.h"
 #include "liegrad/interval.h"
 
+LG_AT(lg_interval_destroy, lg_interval)
+
 /* Scalar code on intervals: y = op(x[0], x[1], x[2]), where y must not be one of the x. n and p are the
  * operand of the operation that is no instruction. A register is LG_INTERVAL_BLOCK lower bounds, then as
  * many upper bounds. */

@@ -1,5 +1,4 @@
-/* Writes functions of a program as scalar code of one row, without rounding: calls and loops are written out,
- * constants stay as they are. */
+/* Writes functions of a program as scalar code of one row, without rounding: constants stay as they are. */
 #include <fenv.h>
 #include <math.h>
 #include <string.h>
@@ -30,17 +29,9 @@ lg_status lg_interval_nearest(lg_error *error) {
     return lg_fail(error, LG_UNSUPPORTED, "bounds need the rounding mode FE_TONEAREST of this thread");
 }
 
-typedef struct expanding {
-    lg_expansion *to;
-    const lg_program *program;
-    lg_error *error;
-} expanding;
-
-static lg_scalar *elements(expanding *x, size_t count) {
-    return lg_heap_take(&x->to->heap, count + 1, sizeof(lg_scalar));
+static lg_scalar *elements(lg_expansion *to, size_t count) {
+    return lg_heap_take(&to->heap, count + 1, sizeof(lg_scalar));
 }
-
-static lg_status function(expanding *x, size_t number, const lg_scalar *const *input, lg_scalar **output);
 
 /* Why scalar code failed: no memory, or too many instructions. */
 static lg_status out_of_room(const lg_scalars *s, const char *name, lg_error *error) {
@@ -49,69 +40,46 @@ static lg_status out_of_room(const lg_scalars *s, const char *name, lg_error *er
                    LG_SCALARS_MOST);
 }
 
-/* of: for each node of g, the graph of f, its elements */
-static lg_status node(expanding *x, const lg_function *f, const lg_graph *g, uint32_t i,
-                      const lg_scalar *const *input, lg_scalar **of) {
+/* of: for each node of g, the graph of the function `name`, its elements */
+static lg_status node(lg_expansion *to, const char *name, const lg_graph *g, uint32_t i,
+                      const lg_scalar *const *input, lg_scalar **of, lg_error *error) {
     const lg_graph_node *n = &g->node[i];
     const lg_scalar *in[LG_MAX_INPUTS] = {NULL};
     const lg_shape *shapes[LG_MAX_INPUTS];
-    lg_scalar *output[LG_PROGRAM_MAX_PORTS];
-    if ((of[i] = elements(x, n->count)) == NULL) return LG_OUT_OF_MEMORY;
+    if ((of[i] = elements(to, n->count)) == NULL) return LG_OUT_OF_MEMORY;
     for (size_t k = 0; k < n->count && n->sort == LG_GRAPH_CONSTANT; k++)
-        of[i][k] = lg_s_constant(&x->to->s, n->value[k]);
+        of[i][k] = lg_s_constant(&to->s, n->value[k]);
     if (n->sort == LG_GRAPH_INPUT) memcpy(of[i], input[n->number], n->count * sizeof(lg_scalar));
     if (n->sort != LG_GRAPH_OPERATION) return LG_OK;
     for (uint32_t k = 0; k < n->inputs; k++)
         if (n->in[k] != LG_GRAPH_NONE) in[k] = of[n->in[k]];
-    if (lg_is_call(n->op)) {
-        LG_TRY(function(x, (size_t)n->attr.i[0], in, output));
-        of[i] = output[n->attr.i[1]];
-        return LG_OK;
-    }
     lg_graph_shapes(g, n, shapes);
     const lg_evaluation e = {
         .attr = &n->attr, .inputs = n->inputs, .in = shapes, .shape = &n->shape, .count = n->count};
-    if (lg_scalars_expand(&x->to->s, n->op, &e, in, of[i])) return LG_OK;
-    if (x->to->s.failed) return out_of_room(&x->to->s, f->name, x->error);
-    return lg_fail(x->error, LG_UNSUPPORTED, "function '%s': the operation '%s' has no interval form",
-                   f->name, n->op->name);
+    if (lg_scalars_expand(&to->s, n->op, &e, in, of[i])) return LG_OK;
+    if (to->s.failed) return out_of_room(&to->s, name, error);
+    return lg_fail(error, LG_UNSUPPORTED, "function '%s': the operation '%s' has no interval form", name,
+                   n->op->name);
 }
 
-/* A loop: the called function again and again. A path is what the calls gave, one after the other. */
-static lg_status loop(expanding *x, const lg_function *f, const lg_scalar *const *input, lg_scalar **output) {
-    const lg_scalar *now[LG_PROGRAM_MAX_PORTS];
-    const size_t called = f->outputs - f->paths;
-    memcpy(now, input, f->inputs * sizeof *now);
-    for (size_t k = 0; k < f->paths; k++) {
-        output[called + k] = elements(x, lg_shape_count(lg_port_shape(&f->output[called + k], 1)));
-        if (output[called + k] == NULL) return LG_OUT_OF_MEMORY;
-    }
-    for (uint32_t n = 0; n < f->times; n++) {
-        LG_TRY(function(x, f->callee, now, output));
-        for (size_t k = 0; k < f->paths; k++) {
-            const size_t one = lg_shape_count(lg_port_shape(&f->output[f->path[k]], 1));
-            memcpy(output[called + k] + n * one, output[f->path[k]], one * sizeof(lg_scalar));
-        }
-        for (size_t i = 0; i < f->inputs; i++)
-            if (f->carry[i] != UINT32_MAX) now[i] = output[f->carry[i]];
-    }
-    return LG_OK;
-}
-
-static lg_status function(expanding *x, size_t number, const lg_scalar *const *input, lg_scalar **output) {
-    const lg_function *f = &x->program->function[number];
-    LG_CLEAN(lg_heap_destroy) lg_heap own = {.context = x->program->context};
+/* Appends the elements of the outputs, from `at` on; returns where they end in *at. */
+static lg_status expand(lg_expansion *to, const lg_program *program, size_t number,
+                        const lg_scalar *const *input, size_t *at, lg_error *error) {
+    LG_CLEAN(lg_program_destroy_at) lg_program *flat = NULL;
+    LG_CLEAN(lg_heap_destroy) lg_heap own = {.context = program->context};
     lg_plan_options options;
     lg_graph g;
-    if (x->to->s.failed) return out_of_room(&x->to->s, f->name, x->error);
-    if (f->times > 0) return loop(x, f, input, output);
     lg_plan_options_init(&options);
-    options.calls = true;
-    LG_TRY(lg_graph_make(&own, x->program, f, &options, true, &g, x->error));
+    LG_TRY(lg_program_flat(program, number, &flat, error));
+    LG_TRY(lg_graph_make(&own, flat, flat->function, &options, true, &g, error));
     lg_scalar **of = lg_heap_take(&own, g.count + 1, sizeof *of);
     if (of == NULL) return LG_OUT_OF_MEMORY;
-    for (uint32_t i = 0; i < g.count; i++) LG_TRY(node(x, f, &g, i, input, of));
-    for (size_t j = 0; j < f->outputs; j++) output[j] = of[g.result[j]];
+    for (uint32_t i = 0; i < g.count; i++) LG_TRY(node(to, flat->function->name, &g, i, input, of, error));
+    for (size_t j = 0; j < flat->function->outputs; j++) {
+        const size_t n = g.node[g.result[j]].count;
+        memcpy(to->result + *at, of[g.result[j]], n * sizeof *to->result);
+        *at += n;
+    }
     return LG_OK;
 }
 
@@ -137,12 +105,11 @@ lg_status lg_expand(const lg_program *program, const size_t *functions, size_t c
     out->s.level_of = lg_interval_level;
     LG_TRY(lg_interval_nearest(error));
     LG_TRY(check(program, functions, count, error));
-    expanding x = {.to = out, .program = program, .error = error};
     const lg_function *first = &program->function[functions[0]];
     const lg_scalar *input[LG_PROGRAM_MAX_PORTS];
     for (size_t k = 0; k < first->inputs; k++) {
         const size_t n = lg_shape_count(first->input[k].shape);
-        lg_scalar *own = elements(&x, n);
+        lg_scalar *own = elements(out, n);
         if (own == NULL) return LG_OUT_OF_MEMORY;
         for (size_t i = 0; i < n; i++) own[i] = lg_s_input(&out->s, (uint32_t)out->inputs++);
         input[k] = own;
@@ -151,18 +118,9 @@ lg_status lg_expand(const lg_program *program, const size_t *functions, size_t c
         const lg_function *f = &program->function[functions[i]];
         for (size_t j = 0; j < f->outputs; j++) out->results += lg_shape_count(f->output[j].shape);
     }
-    out->result = elements(&x, out->results);
+    out->result = elements(out, out->results);
     if (out->result == NULL) return LG_OUT_OF_MEMORY;
-    for (size_t i = 0, at = 0; i < count; i++) {
-        lg_scalar *output[LG_PROGRAM_MAX_PORTS];
-        LG_TRY(function(&x, functions[i], input, output));
-        const lg_function *f = &program->function[functions[i]];
-        for (size_t j = 0; j < f->outputs; j++) {
-            const size_t n = lg_shape_count(f->output[j].shape);
-            memcpy(out->result + at, output[j], n * sizeof *out->result);
-            at += n;
-        }
-    }
+    for (size_t i = 0, at = 0; i < count; i++) LG_TRY(expand(out, program, functions[i], input, &at, error));
     return out->s.failed ? out_of_room(&out->s, first->name, error) : LG_OK;
 }
 

@@ -2,6 +2,7 @@
  * points within; their columns are made orthonormal before it is solved. */
 #include "liegrad/lyapunov.h"
 
+#include <cblas.h>
 #include <math.h>
 #include <string.h>
 
@@ -9,10 +10,7 @@
 #include "certify/linear_program.h"
 #include "autodiff/program/program.h"
 #include "autodiff/tape/tape_internal.h"
-#include "core/clean.h"
 #include "kernels/matrix.h"
-
-LG_AT(lg_program_destroy, lg_program)
 
 enum { STATES = 6, DEGREE = 12, TERMS = 500 };
 
@@ -140,35 +138,20 @@ static void fill_rows(fitting *f) {
 }
 
 /* A = Q R by Cholesky's factor of A^T A, twice, which is as accurate as Householder's method for conditions
- * up to 1e8. With y = R x the program is min (R^-T c)^T y with Q y >= b. R is collected in `total`, upper
- * triangular. */
-static bool orthonormalise(fitting *f, double *gram, double *L, double *total) {
-    const size_t n = f->terms;
+ * up to 1e8. With y = R x the program is min (R^-T c)^T y with Q y >= b. A becomes Q; R (terms, terms) is
+ * upper triangular. */
+static bool orthonormalise(fitting *f, double *gram, double *L, double *R) {
+    const int n = (int)f->terms, points = (int)f->points;
+    for (size_t j = 0; j < f->terms; j++) R[j * f->terms + j] = 1;
     for (int round = 0; round < 2; round++) {
         double largest = 0;
-        memset(gram, 0, n * n * sizeof *gram);
-        for (size_t i = 0; i < f->points; i++)
-            for (size_t j = 0; j < n; j++)
-                for (size_t k = 0; k <= j; k++) gram[j * n + k] += f->A[i * n + j] * f->A[i * n + k];
-        for (size_t j = 0; j < n; j++)
-            for (size_t k = 0; k < j; k++) gram[k * n + j] = gram[j * n + k];
-        for (size_t j = 0; j < n; j++) largest = fmax(largest, gram[j * n + j]);
-        for (size_t j = 0; j < n; j++) gram[j * n + j] += 1e-15 * largest;
-        if (!lg_matrix_cholesky(n, gram, L)) return false;
-        for (size_t i = 0; i < f->points; i++) /* rows of A L^-T */
-            for (size_t j = 0; j < n; j++) {
-                double rest = f->A[i * n + j];
-                for (size_t k = 0; k < j; k++) rest -= f->A[i * n + k] * L[j * n + k];
-                f->A[i * n + j] = rest / L[j * n + j];
-            }
-        for (size_t i = 0; i < n; i++) /* total = L^T total; total is 1 at first */
-            for (size_t j = 0; j < n; j++) {
-                double sum = 0;
-                for (size_t k = i; k < n; k++)
-                    sum += L[k * n + i] * (round == 0 ? (double)(k == j) : total[k * n + j]);
-                gram[i * n + j] = sum;
-            }
-        memcpy(total, gram, n * n * sizeof *total);
+        cblas_dgemm(CblasRowMajor, CblasTrans, CblasNoTrans, n, n, points, 1, f->A, n, f->A, n, 0, gram, n);
+        for (size_t j = 0; j < f->terms; j++) largest = fmax(largest, gram[j * f->terms + j]);
+        for (size_t j = 0; j < f->terms; j++) gram[j * f->terms + j] += 1e-15 * largest;
+        if (!lg_matrix_cholesky(f->terms, gram, L)) return false;
+        cblas_dtrsm(CblasRowMajor, CblasRight, CblasLower, CblasTrans, CblasNonUnit, points, n, 1, L, n, f->A,
+                    n);
+        cblas_dtrmm(CblasRowMajor, CblasLeft, CblasLower, CblasTrans, CblasNonUnit, n, n, 1, L, n, R, n);
     }
     return true;
 }

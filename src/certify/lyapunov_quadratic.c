@@ -6,16 +6,13 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/program/program.h"
 #include "certify/evolution.h"
 #include "core/portions.h"
 #include "core/clean.h"
-#include "kernels/lapack.h"
 #include "kernels/matrix.h"
 #include "liegrad/control.h"
 #include "liegrad/lyapunov.h"
-#include "liegrad/program.h"
-
-LG_AT(lg_thread_pool_destroy, lg_thread_pool)
 
 enum { STATES = 16, INPUTS = 16, MOST = STATES * (STATES + 1) / 2 + STATES * INPUTS, ROWS = 128, POOL = 512 };
 
@@ -194,10 +191,7 @@ static const double margin = 0.02;
  * over the mean of the eigenvalues, with the linear loop C = A - B K. At most 0: it does not fall. */
 static double fall_near(const searching *s, form *f, const double *K) {
     const size_t n = s->n, m = s->m;
-    const int size = (int)n, words = 1 + 2 * STATES, whole = 1;
-    double C[STATES * STATES], CT[STATES * STATES], M[STATES * STATES], w[STATES], work[1 + 2 * STATES],
-        mean = 0;
-    int integer, info = 0;
+    double C[STATES * STATES], CT[STATES * STATES], M[STATES * STATES], w[STATES], mean = 0;
     memcpy(C, s->A, n * n * sizeof *C);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++)
@@ -211,9 +205,9 @@ static double fall_near(const searching *s, form *f, const double *K) {
             if (!isfinite(CT[i * n + j])) return -1;
             if (i == j) mean += CT[i * n + j] / (double)n;
         }
-    dsyevd_("N", "L", &size, CT, &size, w, work, &words, &integer, &whole, &info);
+    const bool found = lg_matrix_eigen(n, false, CT, w);
     f->margin = fmin(margin * mean, 0.5 * w[0]);
-    return info == 0 && mean > 0 ? w[0] / mean : -1;
+    return found && mean > 0 ? w[0] / mean : -1;
 }
 
 /* What a slow fall near the goal costs: proofs need boxes there. */
@@ -503,11 +497,11 @@ static void write_out(const searching *s, const best *b, double *P, double *K, d
 
 /* ---- what a caller sees ---- */
 
-static lg_status take_ports(searching *s, const lg_program *program, size_t *function, lg_error *error) {
-    size_t inputs, outputs;
-    LG_TRY(lg_program_find(program, s->spec->rate, function, error));
-    const lg_port *in = lg_program_inputs(program, *function, &inputs);
-    const lg_port *out = lg_program_outputs(program, *function, &outputs);
+static lg_status take_ports(searching *s, const lg_program *program, lg_error *error) {
+    size_t function, inputs, outputs;
+    LG_TRY(lg_program_find(program, s->spec->rate, &function, error));
+    const lg_port *in = lg_program_inputs(program, function, &inputs);
+    const lg_port *out = lg_program_outputs(program, function, &outputs);
     s->n = inputs >= 1 && inputs <= 2 && !in[0].shared && in[0].shape.rank == 1 ? in[0].shape.dims[0] : 0;
     const bool gains = inputs == 2 && in[1].shared && in[1].shape.rank == 2 && in[1].shape.dims[1] == s->n;
     s->m = gains ? in[1].shape.dims[0] : 0;
@@ -538,12 +532,9 @@ static lg_status take_box(searching *s, lg_error *error) {
     return LG_OK;
 }
 
-static lg_status prepare(searching *s, const lg_program *program, size_t function, lg_error *error) {
-    lg_plan_options options;
+static lg_status prepare(searching *s, const lg_program *program, lg_error *error) {
     lg_rng rng;
-    lg_plan_options_init(&options);
-    options.rows = ROWS;
-    LG_TRY(lg_plan_create(program, function, &options, &s->plan, error));
+    LG_TRY(lg_program_plan(program, s->spec->rate, LG_F64, ROWS, &s->plan, error));
     const size_t members = 4 + (size_t)(3 * log((double)s->numbers)), n = s->n;
     s->evolution.members = members;
     (void)desk_of(s, 0, &s->desk_bytes);
@@ -567,15 +558,14 @@ lg_status lg_lyapunov_quadratic(const lg_context *context, const lg_program *pro
     if (search->size != sizeof *search || search->directions < 10 || search->directions > 1000000 ||
         search->threads < 1)
         return lg_fail(error, LG_INVALID_ARGUMENT, "threads must be 1 or more, directions 10 to 1e6");
-    size_t function;
     best b[CLIMBS];
     searching s = {.context = context, .spec = search, .directions = search->directions};
-    LG_TRY(take_ports(&s, program, &function, error));
+    LG_TRY(take_ports(&s, program, error));
     if (s.m > 0 && K == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the function '%s' has gains, but K is NULL",
                        search->rate);
     LG_TRY(take_box(&s, error));
-    lg_status status = prepare(&s, program, function, error);
+    lg_status status = prepare(&s, program, error);
     if (status == LG_OK) status = run(&s, b, error);
     if (status == LG_OK) write_out(&s, &b[0], P, K, volume);
     lg_plan_destroy(s.plan);

@@ -2,13 +2,12 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/program/program.h"
 #include "control/policy.h"
 #include "core/widen.h"
 #include "kernels/kernels.h"
 
 LG_AT(lg_plan_destroy, lg_plan)
-LG_AT(lg_program_destroy, lg_program)
-LG_AT(lg_function_image_destroy, lg_function_image)
 
 const char *lg_policy_kind_name(lg_policy_kind kind) {
     static const char *const names[LG_POLICY_KIND_COUNT] = {"lqr", "network", "energy"};
@@ -227,7 +226,7 @@ static lg_status choose_substeps(lg_policy *p, double wanted, uint64_t seed, lg_
     const size_t x = (size_t)TRIALS * p->state;
     LG_CLEAN(lg_plan_destroy_at) lg_plan *step = NULL;
     lg_rng rng;
-    LG_TRY(lg_policy_plan(p, "step", LG_F64, TRIALS, &step, error));
+    LG_TRY(lg_program_plan(p->program, "step", LG_F64, TRIALS, &step, error));
     LG_TRY_SCRATCH(double, start, p->context, 4 * x + TRIALS * (p->inputs + 1), lg_no_memory(error));
     LG_TRY_SCRATCH(char, work, p->context, lg_plan_work_size(step), lg_no_memory(error));
     double *coarse = start + x, *fine = coarse + x, *next = fine + x, *u = next + x,
@@ -564,7 +563,7 @@ lg_status lg_policy_disturb(lg_policy *policy, const lg_policy_task *by, lg_erro
     policy->task = changed;
     if (!lg_policy_is_disturbed(&changed) || lg_policy_has(policy, "disturbed")) return LG_OK;
     if (!lg_policy_has(policy, "disturbed_regulator"))
-        LG_TRY(lg_policy_add_disturbed_regulator(policy, error));
+        LG_TRY(lg_policy_add(policy, "disturbed_regulator", error));
     return lg_policy_add_disturbed(policy, error);
 }
 

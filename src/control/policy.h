@@ -159,6 +159,24 @@ lg_var lg_policy_filled(lg_tape *tape, lg_var x, uint32_t n, double value);
     static void function##_of(const lg_policy *p, lg_tape *tape, const lg_var *theta, const lg_var *in,      \
                               lg_var *out)
 
+/* A function of the program: a row of names of its ports, which policy_program.c explains. A port without
+ * numbers is left out. */
+typedef struct lg_policy_function {
+    const char *name;
+    lg_record_function record; /* `user` is the policy */
+    const char *in[5], *out[4];
+} lg_policy_function;
+lg_status lg_policy_add_row(const lg_policy *policy, const lg_policy_function *row, lg_error *error);
+/* Adds a function of policy_program.c by its name, or its adjoint: adj1_NAME.
+ *   disturbed_regulator  (s, K, noise, late) -> next, cost, u; lg_policy_add_regulated adds it for a
+ *                        disturbed task
+ *   planned              (x, y, how) -> next, cost, u. With the half range of the inputs and
+ *                        r = half y + how_0 policy(x) + how_1 regulator(x), u = sat(r) + how_2 (r - sat(r)),
+ *                        and how_3 |(r - sat(r))/half|^2 is added to the cost of the period.
+ *                        y (B, inputs), how (B, LG_POLICY_PLANNED)
+ *   sensed_by_control    (x) -> what `control` takes: its name leaves `sensed` to the plant */
+LG_API lg_status lg_policy_add(const lg_policy *policy, const char *name, lg_error *error);
+enum { LG_POLICY_BEYOND = 2, LG_POLICY_PENALTY = 3, LG_POLICY_PLANNED = 4 };
 /* Makes a program with the plant's functions, retract (z) -> x, and the plant's parameters. A further
  * parameter `policy` (zeros) is added if the policy has parameters. */
 lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error);
@@ -171,20 +189,6 @@ lg_status lg_policy_add_regulated(lg_policy *policy, lg_error *error);
  * also what lg_policy_add_disturbed adds: disturbed, disturbed_end and their adjoints. */
 lg_status lg_policy_add_functions(lg_policy *policy, lg_error *error);
 lg_status lg_policy_add_disturbed(lg_policy *policy, lg_error *error);
-/* disturbed_regulator (s, K, noise, late) -> next, cost, u; lg_policy_add_regulated adds it for a disturbed
- * task. */
-lg_status lg_policy_add_disturbed_regulator(lg_policy *policy, lg_error *error);
-/* Adds planned (x, y, how) -> next, cost, u, and its adjoint adj1_planned by x and y. With the half range of
- * the inputs and r = half y + how_0 policy(x) + how_1 regulator(x), u = sat(r) + how_2 (r - sat(r)), and
- * how_3 |(r - sat(r))/half|^2 is added to the cost of the period.
- * y (B, inputs), how (B, LG_POLICY_PLANNED). */
-enum { LG_POLICY_BEYOND = 2, LG_POLICY_PENALTY = 3, LG_POLICY_PLANNED = 4 };
-lg_status lg_policy_add_planned(lg_policy *policy, lg_error *error);
-/* Adds the function sensed_by_control (x) -> what `control` takes: its name leaves `sensed` to the plant. */
-LG_API lg_status lg_policy_add_sensed(lg_policy *policy, lg_error *error);
-/* A plan of a function of the program for `rows` rows. */
-LG_API lg_status lg_policy_plan(const lg_policy *policy, const char *function, lg_dtype dtype, size_t rows,
-                                lg_plan **out, lg_error *error);
 /* Plans of `count` functions of the policy, or of each of its draws (`drawn`). */
 typedef struct lg_policy_plans {
     const lg_context *context;

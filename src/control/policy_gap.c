@@ -195,7 +195,8 @@ lg_status lg_policy_find_gaps(lg_policy *p, size_t starts, uint64_t seed, double
     LG_CLEAN(end) search s = {.policy = p, .starts = starts, .rows = starts * GUESSES};
     s.steps = lg_policy_periods(p, p->task.horizon), s.n = s.steps * p->inputs;
     s.end = seconds > 0.0 ? lg_seconds() + seconds : INFINITY;
-    if (!lg_policy_has(p, "adj1_planned")) LG_TRY(lg_policy_add_planned(p, error));
+    if (!lg_policy_has(p, "planned")) LG_TRY(lg_policy_add(p, "planned", error));
+    if (!lg_policy_has(p, "adj1_planned")) LG_TRY(lg_policy_add(p, "adj1_planned", error));
     LG_TRY(allocate(&s, error));
     LG_TRY(search_all(&s, seed, error));
     fill(&s, out, complete);

@@ -2,7 +2,6 @@
 #include <math.h>
 
 #include "control/policy.h"
-#include "kernels/lapack.h"
 #include "kernels/matrix.h"
 
 enum { MOST = LG_POLICY_ERRORS, ANGLES = 8 };
@@ -28,15 +27,13 @@ static lg_status check(const lg_policy *p, uint32_t *angles, lg_error *error) {
 
 /* The largest eigenvalue of T^T D G D T with the diagonal D, rounded up; T = L^-T with P = L L^T. */
 static bool largest(size_t n, const double *G, const double *D, const double *T, double *out) {
-    double GT[MOST * MOST], M[MOST * MOST], DT[MOST * MOST], w[MOST], work[1 + 2 * MOST];
-    const int size = (int)n, words = 1 + 2 * MOST, one = 1;
-    int whole, info = 0;
+    double GT[MOST * MOST], M[MOST * MOST], DT[MOST * MOST], w[MOST];
     for (size_t i = 0; i < n * n; i++) DT[i] = D[i / n] * T[i];
     lg_matrix_multiply(n, n, n, G, DT, GT);
     lg_matrix_multiply_tn(n, n, n, DT, GT, M);
-    dsyevd_("N", "L", &size, M, &size, w, work, &words, &whole, &one, &info);
+    const bool found = lg_matrix_eigen(n, false, M, w);
     *out = w[n - 1] * (1 + 1e-9);
-    return info == 0 && isfinite(*out);
+    return found && isfinite(*out);
 }
 
 /* The error of an angle a is d a with d between 2 sin(a/2)/a at the largest |a| of the set and 1. (D z)^T G

@@ -87,17 +87,14 @@ lg_var lg_policy_plant_part(lg_tape *tape, const lg_policy *p, lg_var x) {
 
 /* ---- functions of the plant for states with a memory ---- */
 
-static const struct {
-    const char *name, *plant;
-} renamed[] = {{"step", "plant_step"},
-               {"momenta", "plant_momenta"},
-               {"positions", "plant_positions"},
-               {"velocities", "plant_velocities"},
-               {"value", "plant_value"}};
+/* The plant's functions get these names, and functions for states with a memory have theirs. */
+static const char *const of_plant[] = {"plant_step", "plant_momenta", "plant_positions", "plant_velocities",
+                                       "plant_value"};
+enum { PREFIX = sizeof "plant_" - 1 };
 
 const char *lg_policy_plant_name(const lg_policy *p, const char *function) {
-    for (size_t i = 0; i < LG_COUNT(renamed) && p->memory.count > 0; i++)
-        if (strcmp(renamed[i].name, function) == 0) return renamed[i].plant;
+    for (size_t i = 0; i < LG_COUNT(of_plant) && p->memory.count > 0; i++)
+        if (strcmp(of_plant[i] + PREFIX, function) == 0) return of_plant[i];
     return function;
 }
 
@@ -155,20 +152,18 @@ LG_POLICY_RECORDING(record_step) {
 }
 
 lg_status lg_policy_add_memory(lg_policy *p, lg_error *error) {
-    static const lg_record_function record[LG_COUNT(renamed)] = {
+    static const lg_record_function record[LG_COUNT(of_plant)] = {
         record_step, record_momenta, record_positions, record_velocities, record_value};
-    const uint32_t sizes[LG_COUNT(renamed)][2] = {
-        [0] = {p->state}, [1] = {p->layout.positions}, [2] = {p->state}, [3] = {p->state}, [4] = {p->state}};
-    for (size_t i = 0; i < LG_COUNT(renamed) && p->memory.count > 0; i++) {
+    for (size_t i = 0; i < LG_COUNT(of_plant) && p->memory.count > 0; i++) {
         size_t at, ins, outs;
-        lg_port in[3], out;
-        if (lg_program_find(p->program, renamed[i].plant, &at, NULL) != LG_OK) continue;
-        const lg_port *of_plant = lg_program_inputs(p->program, at, &ins);
-        for (size_t k = 0; k < ins && k < LG_COUNT(in); k++) in[k] = of_plant[k];
-        in[0].shape = lg_shape1(sizes[i][0]);
-        out = lg_program_outputs(p->program, at, &outs)[0];
-        const lg_function_spec spec = {renamed[i].name, in, ins, &(lg_port){.name = out.name}, 1,
-                                       record[i],       p};
+        lg_port in[3];
+        if (lg_program_find(p->program, of_plant[i], &at, NULL) != LG_OK) continue;
+        const lg_port *given = lg_program_inputs(p->program, at, &ins),
+                      *out = lg_program_outputs(p->program, at, &outs);
+        for (size_t k = 0; k < ins && k < LG_COUNT(in); k++) in[k] = given[k];
+        in[0].shape = lg_shape1(record[i] == record_momenta ? p->layout.positions : p->state);
+        const lg_function_spec spec = {
+            of_plant[i] + PREFIX, in, ins, &(lg_port){.name = out->name}, 1, record[i], p};
         LG_TRY(lg_program_add_function(p->program, &spec, error));
     }
     return LG_OK;
@@ -352,14 +347,10 @@ LG_POLICY_RECORDING(record_reset) {
 }
 
 lg_status lg_policy_add_remember(lg_policy *p, lg_error *error) {
-    const lg_port in[] =
-        {{.name = "x", .shape = lg_shape1(p->layout.given + p->layout.velocities), .low = -1, .high = 1},
-         {.name = "u", .shape = lg_shape1(p->inputs), .low = -1, .high = 1}},
-                  next = {.name = "next"}, first = {.name = "first"};
-    const lg_function_spec remember = {"remember", in, 2, &next, 1, record_remember, p},
-                           reset = {"reset", in, 1, &first, 1, record_reset, p};
-    LG_TRY(lg_program_add_function(p->program, &remember, error));
-    return lg_program_add_function(p->program, &reset, error);
+    static const lg_policy_function remember = {"remember", record_remember, {"given", "unit u"}, {"next"}},
+                                    reset = {"reset", record_reset, {"given"}, {"first"}};
+    LG_TRY(lg_policy_add_row(p, &remember, error));
+    return lg_policy_add_row(p, &reset, error);
 }
 
 /* ---- for certificates ---- */

@@ -7,8 +7,6 @@
 #include "control/policy.h"
 #include "liegrad/ops.h"
 
-LG_AT(lg_function_image_destroy, lg_function_image)
-
 /* Whether the functions of a policy begin here, in a program that is a policy's. */
 static bool is_own(const lg_program *program, const char *name) {
     char plant[32];
@@ -326,62 +324,113 @@ LG_POLICY_RECORDING(record_disturbed_end) {
 
 /* ---- adding them ---- */
 
-typedef struct ports {
-    lg_port x, u, z, q, v, weights, given, gain, state, noise, late, reference;
-} ports;
-
-static ports ports_of(const lg_policy *p) {
+/* The port that rows call `name`; most ports have this name. */
+static lg_port port_of(const lg_policy *p, const char *name) {
     double far = 0.0;
     for (uint32_t l = 0; l < p->inputs; l++)
         far = fmax(far, fmax(fabs(p->task.input[l].low), fabs(p->task.input[l].high)));
-    size_t step, count;
-    lg_port x = {0};
-    if (lg_program_find(p->program, "step", &step, NULL) == LG_OK)
-        x = lg_program_inputs(p->program, step, &count)[0];
+    const lg_policy_layout *l = &p->layout;
+    const uint32_t m = p->inputs, references = lg_policy_tracked(&p->task) * (moves(p) ? 2 : 1);
+    size_t function, count;
+    lg_port x = {0}, lagged = {0};
+    if (lg_program_find(p->program, "step", &function, NULL) == LG_OK)
+        x = lg_program_inputs(p->program, function, &count)[0];
+    if (lg_program_find(p->program, "lag", &function, NULL) == LG_OK)
+        lagged = lg_program_inputs(p->program, function, &count)[0];
     x.name = "x";
-    return (ports){
-        .x = x,
-        .u = {.name = "u", .shape = lg_shape1(p->inputs), .low = -far, .high = far},
-        .z = {.name = "z", .shape = lg_shape1(p->layout.errors), .low = -0.1, .high = 0.1},
-        .q = {.name = "q", .shape = lg_shape1(p->layout.positions), .low = -1, .high = 1},
-        .v = {.name = "v", .shape = lg_shape1(p->layout.velocities), .low = -1, .high = 1},
-        .weights = {.name = "weights", .shape = lg_shape1((uint32_t)p->parameters), .shared = true},
-        .given = {.name = "x",
-                  .shape = lg_shape1(p->layout.given + p->layout.velocities),
-                  .low = -1,
-                  .high = 1},
-        .gain = {.name = "K", .shape = lg_shape2(p->inputs, p->layout.errors), .shared = true},
-        .state = {.name = "s", .shape = lg_shape1(p->state + p->inputs), .low = x.low, .high = x.high},
-        .noise = {.name = "noise", .shape = lg_shape1(p->layout.noise), .low = -0.1, .high = 0.1},
-        .reference = {.name = "reference",
-                      .shape = lg_shape1(lg_policy_tracked(&p->task) * (moves(p) ? 2 : 1)),
-                      .low = -1,
-                      .high = 1},
-        .late = {.name = "late", .shape = lg_shape1(1), .low = 0, .high = 1}};
+    const struct {
+        const char *name;
+        lg_port port;
+    } all[] = {{"x", x},
+               {"lagged", lagged},
+               {"u", {"u", lg_shape1(m), .low = -far, .high = far}},
+               {"unit u", {"u", lg_shape1(m), .low = -1, .high = 1}},
+               {"acting", {"u", lg_shape1(m + p->memory.count), .low = 0}},
+               {"small z", {"z", lg_shape1(l->errors), .low = -0.1, .high = 0.1}},
+               {"z", {"z", lg_shape1(l->errors), .low = 0}},
+               {"one z", {"z", lg_shape1(1), .low = 0}},
+               {"q", {"q", lg_shape1(l->positions), .low = -1, .high = 1}},
+               {"v", {"v", lg_shape1(l->velocities), .low = -1, .high = 1}},
+               {"weights", {"weights", lg_shape1((uint32_t)p->parameters), .shared = true}},
+               {"given", {"x", lg_shape1(l->given + l->velocities), .low = -1, .high = 1}},
+               {"K", {"K", lg_shape2(m, l->errors), .shared = true}},
+               {"s", {"s", lg_shape1(p->state + m), .low = x.low, .high = x.high}},
+               {"noise", {"noise", lg_shape1(l->noise), .low = -0.1, .high = 0.1}},
+               {"late", {"late", lg_shape1(1), .low = 0, .high = 1}},
+               {"reference", {"reference", lg_shape1(references), .low = -1, .high = 1}},
+               {"y", {"y", lg_shape1(m), .low = -1, .high = 1}},
+               {"how", {"how", lg_shape1(LG_POLICY_PLANNED), .low = 0, .high = 1}}};
+    size_t i = 0;
+    while (strcmp(all[i].name, name) != 0) i++;
+    return all[i].port;
 }
 
-static lg_status add(const lg_policy *p, const char *name, lg_record_function record, const lg_port *in,
-                     size_t ins, const char *const *outs, lg_error *error) {
-    lg_port out[3] = {{0}};
-    size_t n = 0;
-    for (; n < 3 && outs[n] != NULL; n++) out[n].name = outs[n];
-    const lg_function_spec spec = {name, in, ins, out, n, record, (void *)(uintptr_t)p};
+lg_status lg_policy_add_row(const lg_policy *p, const lg_policy_function *row, lg_error *error) {
+    lg_port in[4], out[3] = {{0}};
+    size_t ins = 0, outs = 0;
+    for (int k = 0; row->in[k] != NULL; k++) {
+        in[ins] = port_of(p, row->in[k]);
+        ins += lg_shape_count(in[ins].shape) > 0;
+    }
+    for (; row->out[outs] != NULL; outs++) out[outs].name = row->out[outs];
+    const lg_function_spec spec = {row->name, in, ins, out, outs, row->record, (void *)(uintptr_t)p};
     return lg_program_add_function(p->program, &spec, error);
 }
-#define OUTS(...) ((const char *const[4]){__VA_ARGS__})
 
-/* By the first `ins` of the inputs x or s, weights. */
-static lg_status adjoint(const lg_policy *p, const char *function, const char *const *inputs, size_t ins,
-                         const char *const *outputs, size_t count, lg_error *error) {
+static const lg_policy_function rows[] = {
+    {"retract", record_retract, {"small z"}, {"x"}},
+    {"errors", record_errors, {"x"}, {"z"}},
+    {"period", record_period, {"x", "u"}, {"next"}},
+    {"lagged", record_lagged, {"lagged", "u"}, {"next"}},
+    {"linear", record_linear, {"small z", "u"}, {"next_z"}},
+    {"regulated", record_regulated, {"x", "K"}, {"next", "cost", "u"}},
+    {"policy", record_policy, {"q", "v", "weights"}, {"u"}},
+    {"control", record_control, {"given"}, {"u"}},
+    {"track", record_track, {"given", "reference"}, {"u"}},
+    {"terminal", record_terminal, {"x"}, {"cost"}},
+    {"closed", record_closed, {"x", "weights"}, {"next", "cost", "u"}},
+    {"sensed_by_control", record_sensed, {"x"}, {"sensed"}},
+    {"planned", record_planned, {"x", "y", "how"}, {"next", "cost", "u"}},
+    {"disturbed_regulator", record_disturbed_regulator, {"s", "K", "noise", "late"}, {"next", "cost", "u"}},
+    {"disturbed", record_disturbed, {"s", "weights", "noise", "late"}, {"next", "cost", "u"}},
+    {"disturbed_end", record_disturbed_end, {"s"}, {"cost"}}};
+
+/* The names of ports, without those by which nothing is minimised. */
+static size_t list_names(const lg_port *ports, size_t count, const char **out) {
+    static const char *const given[] = {"noise", "late", "how", "u"};
+    size_t n = 0;
+    for (size_t i = 0; i < count; i++) {
+        bool kept = true;
+        for (size_t k = 0; k < LG_COUNT(given); k++) kept = kept && strcmp(ports[i].name, given[k]) != 0;
+        if (kept) out[n++] = ports[i].name;
+    }
+    return n;
+}
+
+static lg_status add_adjoint(const lg_policy *p, const char *function, lg_error *error) {
+    const char *in[4], *out[3];
+    size_t number, count;
     lg_derivative what;
     lg_derivative_init(&what);
-    what.kind = LG_DERIVATIVE_ADJOINT;
-    what.function = function;
-    what.inputs = inputs;
-    what.input_count = ins;
-    what.outputs = outputs;
-    what.output_count = count;
+    LG_TRY(lg_program_find(p->program, function, &number, error));
+    const lg_port *from = lg_program_inputs(p->program, number, &count);
+    what.input_count = list_names(from, count, in);
+    from = lg_program_outputs(p->program, number, &count);
+    what.output_count = list_names(from, count, out);
+    what.kind = LG_DERIVATIVE_ADJOINT, what.function = function, what.inputs = in, what.outputs = out;
     return lg_program_derive(p->program, &what, error);
+}
+
+lg_status lg_policy_add(const lg_policy *p, const char *name, lg_error *error) {
+    const lg_policy_function *row = rows;
+    if (strncmp(name, "adj1_", 5) == 0) return add_adjoint(p, name + 5, error);
+    while (strcmp(row->name, name) != 0) row++;
+    return lg_policy_add_row(p, row, error);
+}
+
+static lg_status add_all(const lg_policy *p, const char *const *names, size_t count, lg_error *error) {
+    for (size_t i = 0; i < count; i++) LG_TRY(lg_policy_add(p, names[i], error));
+    return LG_OK;
 }
 
 lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *error) {
@@ -401,89 +450,33 @@ lg_status lg_policy_begin(lg_policy *policy, const lg_program *plant, lg_error *
     LG_TRY(lg_program_begin(policy->context, &spec, &policy->program, error));
     LG_TRY(copy_functions(policy, plant, error));
     LG_TRY(lg_policy_add_memory(policy, error));
-    const ports port = ports_of(policy);
-    return add(policy, "retract", record_retract, &port.z, 1, OUTS("x"), error);
+    return lg_policy_add(policy, "retract", error);
 }
 
 lg_status lg_policy_add_motion(lg_policy *p, lg_error *error) {
-    const ports port = ports_of(p);
-    LG_TRY(add(p, "errors", record_errors, &port.x, 1, OUTS("z"), error));
-    LG_TRY(add(p, "period", record_period, (const lg_port[]){port.x, port.u}, 2, OUTS("next"), error));
-    size_t lagged, count;
+    LG_TRY(add_all(p, (const char *const[]){"errors", "period"}, 2, error));
     if (p->memory.count > 0)
         LG_TRY(p->believes == NULL ? lg_policy_add_remember(p, error) : LG_OK);
-    else if (lg_program_find(p->program, "lag", &lagged, NULL) == LG_OK)
-        LG_TRY(add(p, "lagged", record_lagged,
-                   (const lg_port[]){lg_program_inputs(p->program, lagged, &count)[0], port.u}, 2,
-                   OUTS("next"), error));
-    LG_TRY(add(p, "linear", record_linear, (const lg_port[]){port.z, port.u}, 2, OUTS("next_z"), error));
+    else if (lg_policy_has(p, "lag"))
+        LG_TRY(lg_policy_add(p, "lagged", error));
+    LG_TRY(lg_policy_add(p, "linear", error));
     return lg_program_jacobian(p->program, "linear", error);
 }
 
 lg_status lg_policy_add_regulated(lg_policy *p, lg_error *error) {
-    const ports port = ports_of(p);
-    LG_TRY(add(p, "regulated", record_regulated, (const lg_port[]){port.x, port.gain}, 2,
-               OUTS("next", "cost", "u"), error));
-    return lg_policy_is_disturbed(&p->task) ? lg_policy_add_disturbed_regulator(p, error) : LG_OK;
-}
-
-lg_status lg_policy_add_disturbed_regulator(lg_policy *p, lg_error *error) {
-    const ports port = ports_of(p);
-    const lg_port in[] = {port.state, port.gain, port.noise, port.late};
-    return add(p, "disturbed_regulator", record_disturbed_regulator, in, 4, OUTS("next", "cost", "u"), error);
+    const char *const names[] = {"regulated", "disturbed_regulator"};
+    return add_all(p, names, lg_policy_is_disturbed(&p->task) ? 2 : 1, error);
 }
 
 lg_status lg_policy_add_disturbed(lg_policy *p, lg_error *error) {
-    const ports port = ports_of(p);
-    const size_t own = p->parameters > 0 ? 1 : 0;
-    const lg_port in[4] = {port.state, own ? port.weights : port.noise, own ? port.noise : port.late,
-                           port.late};
-    LG_TRY(add(p, "disturbed", record_disturbed, in, 3 + own, OUTS("next", "cost", "u"), error));
-    LG_TRY(add(p, "disturbed_end", record_disturbed_end, &port.state, 1, OUTS("cost"), error));
-    LG_TRY(adjoint(p, "disturbed_end", NULL, 0, NULL, 0, error));
-    return adjoint(p, "disturbed", (const char *const[]){"s", "weights"}, 1 + own, OUTS("next", "cost"), 2,
-                   error);
-}
-
-lg_status lg_policy_add_planned(lg_policy *p, lg_error *error) {
-    const ports port = ports_of(p);
-    const lg_port in[] = {port.x,
-                          {.name = "y", .shape = lg_shape1(p->inputs), .low = -1, .high = 1},
-                          {.name = "how", .shape = lg_shape1(LG_POLICY_PLANNED), .low = 0, .high = 1}};
-    LG_TRY(add(p, "planned", record_planned, in, 3, OUTS("next", "cost", "u"), error));
-    return adjoint(p, "planned", (const char *const[]){"x", "y"}, 2, OUTS("next", "cost"), 2, error);
-}
-
-lg_status lg_policy_add_sensed(lg_policy *p, lg_error *error) {
-    const ports port = ports_of(p);
-    return add(p, "sensed_by_control", record_sensed, &port.x, 1, OUTS("sensed"), error);
+    static const char *const names[] = {"disturbed", "disturbed_end", "adj1_disturbed_end", "adj1_disturbed"};
+    return add_all(p, names, LG_COUNT(names), error);
 }
 
 lg_status lg_policy_add_functions(lg_policy *p, lg_error *error) {
-    const ports port = ports_of(p);
-    const size_t own = p->parameters > 0 ? 1 : 0;
-    lg_port in[3] = {port.q, port.v, port.weights};
-    if (!moves(p)) in[1] = port.weights;
-    LG_TRY(add(p, "policy", record_policy, in, 1 + (size_t)moves(p) + own, OUTS("u"), error));
-    LG_TRY(add(p, "control", record_control, &port.given, 1, OUTS("u"), error));
-    if (lg_policy_tracked(&p->task) > 0)
-        LG_TRY(add(p, "track", record_track, (const lg_port[]){port.given, port.reference}, 2, OUTS("u"),
-                   error));
-    LG_TRY(add(p, "terminal", record_terminal, &port.x, 1, OUTS("cost"), error));
-    LG_TRY(add(p, "closed", record_closed, (const lg_port[]){port.x, port.weights}, 1 + own,
-               OUTS("next", "cost", "u"), error));
-    LG_TRY(adjoint(p, "terminal", NULL, 0, NULL, 0, error));
-    LG_TRY(adjoint(p, "closed", NULL, 0, OUTS("next", "cost"), 2, error));
+    static const char *const names[] = {"terminal", "closed", "adj1_terminal", "adj1_closed"};
+    LG_TRY(add_all(p, (const char *const[]){"policy", "control", "track"},
+                   lg_policy_tracked(&p->task) > 0 ? 3 : 2, error));
+    LG_TRY(add_all(p, names, LG_COUNT(names), error));
     return lg_policy_is_disturbed(&p->task) ? lg_policy_add_disturbed(p, error) : LG_OK;
-}
-
-lg_status lg_policy_plan(const lg_policy *p, const char *function, lg_dtype dtype, size_t rows, lg_plan **out,
-                         lg_error *error) {
-    lg_plan_options options;
-    size_t number;
-    lg_plan_options_init(&options);
-    options.rows = rows;
-    options.dtype = dtype;
-    LG_TRY(lg_program_find(p->program, function, &number, error));
-    return lg_plan_create(p->program, number, &options, out, error);
 }

@@ -100,20 +100,6 @@ static lg_status check_unused(const lg_policy *p, uint32_t coordinate, const cha
     return LG_OK;
 }
 
-/* A second input */
-typedef enum second { NONE, GAINS, INPUT } second;
-
-static lg_status add(lg_policy *p, const char *name, uint32_t numbers, second with, lg_record_function record,
-                     const char *output, lg_error *error) {
-    if (lg_policy_has(p, name)) return LG_OK;
-    const lg_port others[] = {
-        [GAINS] = {.name = "K", .shape = lg_shape2(p->inputs, p->layout.errors), .shared = true},
-        [INPUT] = {.name = "u", .shape = lg_shape1(p->inputs + p->memory.count)}};
-    const lg_port in[2] = {{.name = "z", .shape = lg_shape1(numbers)}, others[with]}, out = {.name = output};
-    const lg_function_spec spec = {name, in, with == NONE ? 1 : 2, &out, 1, record, p};
-    return lg_program_add_function(p->program, &spec, error);
-}
-
 static lg_status check(const lg_policy *p, lg_error *error) {
     LG_TRY(lg_policy_check_memory(p, false, error));
     if (!lg_policy_has(p, "field"))
@@ -137,23 +123,17 @@ static lg_status check(const lg_policy *p, lg_error *error) {
 lg_status lg_policy_add_rate(lg_policy *p, lg_program **program, lg_error *error) {
     LG_NEEDS(error, p, program);
     LG_TRY(check(p, error));
-    static const struct {
-        const char *name;
-        second with;
-        lg_record_function record;
-        const char *output;
-    } functions[] = {{"rate_by_input", INPUT, record_rate_by_input, "dz"},
-                     {"input_by_state", NONE, record_input, "u"},
-                     {"advance_by_input", INPUT, record_advance_by_input, "next_z"},
-                     {"rate", NONE, record_rate, "dz"},
-                     {"advance", NONE, record_advance, "next_z"},
-                     {"rate_by_gains", GAINS, record_rate_by_gains, "dz"},
-                     {"advance_by_gains", GAINS, record_advance_by_gains, "next_z"}};
-    const bool gains = lg_policy_has(p, "regulated");
-    for (size_t i = 0; i < LG_COUNT(functions); i++)
-        if (gains || functions[i].with != GAINS)
-            LG_TRY(add(p, functions[i].name, p->layout.errors, functions[i].with, functions[i].record,
-                       functions[i].output, error));
+    static const lg_policy_function rows[] = {
+        {"rate_by_input", record_rate_by_input, {"z", "acting"}, {"dz"}},
+        {"input_by_state", record_input, {"z"}, {"u"}},
+        {"advance_by_input", record_advance_by_input, {"z", "acting"}, {"next_z"}},
+        {"rate", record_rate, {"z"}, {"dz"}},
+        {"advance", record_advance, {"z"}, {"next_z"}},
+        {"rate_by_gains", record_rate_by_gains, {"z", "K"}, {"dz"}},
+        {"advance_by_gains", record_advance_by_gains, {"z", "K"}, {"next_z"}}};
+    const size_t count = lg_policy_has(p, "regulated") ? LG_COUNT(rows) : LG_COUNT(rows) - 2;
+    for (size_t i = 0; i < count; i++)
+        if (!lg_policy_has(p, rows[i].name)) LG_TRY(lg_policy_add_row(p, &rows[i], error));
     *program = p->program;
     return LG_OK;
 }
@@ -182,6 +162,7 @@ static lg_status check_energy(const lg_policy *p, lg_error *error) {
 }
 
 lg_status lg_policy_add_slope(lg_policy *p, lg_policy_slope *out, lg_error *error) {
+    static const lg_policy_function slope = {"slope", record_slope, {"one z"}, {"g"}};
     lg_policy_body machine;
     LG_NEEDS(error, p, out);
     LG_TRY(check_energy(p, error));
@@ -195,7 +176,7 @@ lg_status lg_policy_add_slope(lg_policy *p, lg_policy_slope *out, lg_error *erro
         return lg_fail(error, LG_CHECK_FAILED,
                        "the damping of %s is %.4g, not positive: the proof needs friction in the machine",
                        p->task.coordinate[0].name, damping);
-    LG_TRY(add(p, "slope", 1, NONE, record_slope, "g", error));
+    if (!lg_policy_has(p, "slope")) LG_TRY(lg_policy_add_row(p, &slope, error));
     const double u0 = p->regulator.u0[0], low = u0 - p->task.input[0].low, high = p->task.input[0].high - u0;
     out->damping = damping * (1 - 1e-6);
     out->gain = kd * p->G[1] * machine.map[0];

@@ -2,11 +2,11 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/program/program.h"
 #include "control/policy.h"
 #include "core/portions.h"
 
 enum { ROWS = LG_POLICY_ROWS };
-LG_AT(lg_thread_pool_destroy, lg_thread_pool)
 
 size_t lg_policy_periods(const lg_policy *policy, double seconds) {
     const double n = floor(seconds / policy->task.period + 0.5);
@@ -57,7 +57,7 @@ lg_status lg_policy_plans_create(const lg_policy *p, bool drawn, const char *con
     if (out->plan == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for plans of a policy");
     for (size_t i = 0; i < all; i++) {
         const lg_policy *of = drawn && p->draw_count > 0 ? p->draws[i / count % p->draw_count] : p;
-        LG_TRY(lg_policy_plan(of, functions[i % count], dtype, rows, &out->plan[i], error));
+        LG_TRY(lg_program_plan(of->program, functions[i % count], dtype, rows, &out->plan[i], error));
         const size_t own = lg_plan_work_size(out->plan[i]);
         out->work = own > out->work ? own : out->work;
     }

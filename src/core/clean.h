@@ -13,6 +13,7 @@
     static inline void destroy##_at(type **at) {                                                             \
         destroy(*at);                                                                                        \
     }
+LG_AT(lg_thread_pool_destroy, lg_thread_pool)
 /* Gives the pointer `from` to its new owner: returns LG_OK, and `from` is not destroyed. */
 #define LG_MOVE(to, from) (*(to) = (from), (from) = NULL, LG_OK)
 /* The same for a structure, which becomes zeros. */

@@ -5,9 +5,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "autodiff/program/program.h"
 #include "core/clean.h"
 #include "core/portions.h"
-#include "liegrad/program.h"
 #include "elastica/surrogate_internal.h"
 
 /* What lg-export writes, too. */
@@ -91,13 +91,9 @@ size_t lg_surrogate_curves_work_size(const lg_surrogate_curves *curves) {
 static lg_status make_plan(lg_surrogate_curves *c, const lg_program *program, asked which, lg_error *error) {
     const bool discrete = c->model.options.kind == LG_SURROGATE_DISCRETE;
     const char *const names[ASKED] = {discrete ? "value" : "ends", "point", "place", "span"};
-    lg_plan_options options;
     size_t function;
     if (lg_program_find(program, names[which], &function, NULL) != LG_OK) return LG_OK;
-    lg_plan_options_init(&options);
-    options.rows = c->rows[which];
-    options.dtype = c->dtype;
-    LG_TRY(lg_plan_create(program, function, &options, &c->plan[which], error));
+    LG_TRY(lg_program_plan(program, names[which], c->dtype, c->rows[which], &c->plan[which], error));
     const size_t work = lg_plan_work_size(c->plan[which]);
     c->plan_work = work > c->plan_work ? work : c->plan_work;
     return LG_OK;

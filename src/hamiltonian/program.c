@@ -1,10 +1,7 @@
 /* A learned Hamiltonian as a program, a set of named functions. */
-#include "core/clean.h"
 #include "autodiff/program/program.h"
 #include "integrators/taped_internal.h"
 #include "hamiltonian/internal.h"
-
-LG_AT(lg_program_destroy, lg_program)
 
 typedef struct recording {
     const lg_hamiltonian *model;

@@ -71,6 +71,15 @@ double lg_matrix_radius(size_t n, double *a) {
     return most;
 }
 
+bool lg_matrix_eigen(size_t n, bool vectors, double *a, double *w) {
+    enum { MOST = 48, ROOM = 1 + 6 * MOST + 2 * MOST * MOST, INTEGERS = 3 + 5 * MOST };
+    const int size = (int)n, room = ROOM, integers = INTEGERS;
+    double work[ROOM];
+    int whole[INTEGERS], info = 0;
+    dsyevd_(vectors ? "V" : "N", "L", &size, a, &size, w, work, &room, whole, &integers, &info);
+    return info == 0;
+}
+
 bool lg_matrix_factor(size_t n, size_t stride, double *a, size_t *pivot) {
     for (size_t k = 0; k < n; k++) {
         size_t p = k;

@@ -9,8 +9,6 @@
 #include "liegrad/ops.h"
 #include "machine/internal.h"
 
-LG_AT(lg_program_destroy, lg_program)
-
 /* Bound on the numbers of a state: of positions, velocities, bristles and lagged inputs together. */
 enum { MOST = LG_MACHINE_POSITIONS + 2 * LG_MACHINE_VELOCITIES + LG_MACHINE_LAGS };
 

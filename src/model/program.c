@@ -1,12 +1,8 @@
 /* The program of a model whose kind has no recipe: a copy, with a step added. */
 #include "autodiff/program/program.h"
-#include "core/clean.h"
 #include "liegrad/program.h"
 #include "liegrad/taped.h"
 #include "model/internal.h"
-
-LG_AT(lg_program_destroy, lg_program)
-LG_AT(lg_function_image_destroy, lg_function_image)
 
 static bool has(const lg_program *program, const char *function) {
     return lg_program_find(program, function, &(size_t){0}, NULL) == LG_OK;

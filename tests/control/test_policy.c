@@ -3,6 +3,7 @@
  * ctest-labels: src/control src/integrators */
 #include <unistd.h>
 
+#include "autodiff/program/program.h"
 #include "control/policy_gradient.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
@@ -147,7 +148,7 @@ TEST("opposite to the goal the regulator does not act, in single precision neith
     static const double from[] = {0.01, 1e-3, 1e-4, 1e-6, 1e-9, 0.0};
     double before = NAN;
     lg_plan *single;
-    assert_ok(lg_policy_plan(policy, "control", LG_F32, 1, &single, NULL));
+    assert_ok(lg_program_plan(policy->program, "control", LG_F32, 1, &single, NULL));
     float *work = lg_test_memory(lg_plan_work_size(single));
     for (size_t k = 0; k < LG_COUNT(from); k++) {
         const double x[4] = {0.0, 3.14159265358979323846 - from[k], 0.0, 0.0};

@@ -159,7 +159,7 @@ lg_var export_policy_inverse(lg_tape *tape, const export_policy_job *j, lg_var x
 /* ---- C ---- */
 
 static void prepare_program(export_policy_job *j) {
-    EXPORT_MUST(j, lg_policy_add_sensed(j->policy, &error));
+    EXPORT_MUST(j, lg_policy_add(j->policy, "sensed_by_control", &error));
     /* export_whole rounds again, and counts what is lost. */
     const size_t lost = j->source->lost;
     APP_MUST(j->self, export_round_parameters(j->source, j->program));

@@ -10,7 +10,7 @@
 
 #include "anomaly/classify/classify_internal.h"
 #include "liegrad/ops.h"
-#include "liegrad/program.h"
+#include "autodiff/program/program.h"
 #include "model/record.h"
 
 /* Rows of SIGN are pairs of classes (i, j): 1 for i, -1 for j. LIVING is 1 for pairs whose classes both have
@@ -21,8 +21,6 @@ enum { ORDER = PRESENT + 1, EPS, PARAMETERS };
 static const char *const names[PARAMETERS] = {"mean",   "rest",    "inverse",   "components", "weight",
                                               "bias",   "vector",  "threshold", "fraction",   "sign",
                                               "living", "present", "order",     "eps"};
-
-LG_AT(lg_program_destroy, lg_program)
 
 typedef struct chain {
     const lg_classifier *c;

@@ -210,16 +210,21 @@ void lg_plan_eval(const lg_plan *plan, const void *const *inputs, void *const *o
             if (outputs[j] != NULL) plan->k->fill(plan->output_count[j], NAN, outputs[j]);
 }
 
-lg_status lg_program_eval(const lg_context *context, const lg_program *program, const char *function,
-                          size_t rows, const double *const *inputs, double *const *outputs, lg_error *error) {
+lg_status lg_program_plan(const lg_program *program, const char *function, lg_dtype dtype, size_t rows,
+                          lg_plan **out, lg_error *error) {
     lg_plan_options options;
-    lg_plan *plan = NULL;
     size_t number;
-    LG_NEEDS(error, program, function, inputs, outputs);
     LG_TRY(lg_program_find(program, function, &number, error));
     lg_plan_options_init(&options);
-    options.rows = rows;
-    LG_TRY(lg_plan_create(program, number, &options, &plan, error));
+    options.rows = rows, options.dtype = dtype;
+    return lg_plan_create(program, number, &options, out, error);
+}
+
+lg_status lg_program_eval(const lg_context *context, const lg_program *program, const char *function,
+                          size_t rows, const double *const *inputs, double *const *outputs, lg_error *error) {
+    lg_plan *plan = NULL;
+    LG_NEEDS(error, program, function, inputs, outputs);
+    LG_TRY(lg_program_plan(program, function, LG_F64, rows, &plan, error));
     void *work = lg_alloc(context, lg_plan_work_size(plan), 1);
     if (work != NULL) lg_plan_eval(plan, (const void *const *)inputs, (void *const *)outputs, work);
     lg_free(context, work);

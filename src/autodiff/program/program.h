@@ -10,7 +10,11 @@
 #include "autodiff/ops/op_rows.h"
 #include "autodiff/tape/heap.h"
 #include "autodiff/tape/tape_internal.h"
+#include "core/clean.h"
 #include "liegrad/program.h"
+
+LG_AT(lg_program_destroy, lg_program)
+LG_AT(lg_function_image_destroy, lg_function_image)
 
 static inline int64_t lg_affine_at(lg_affine a, size_t rows) {
     return a.base + a.rows * (int64_t)rows;
@@ -117,6 +121,9 @@ typedef struct lg_program_part {
 } lg_program_part;
 lg_status lg_program_record_part(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                  lg_var *out);
+/* Copies a function, with its calls and loops written out, into a program of its own that has the parameters
+ * and the description of this one. */
+lg_status lg_program_flat(const lg_program *program, size_t function, lg_program **out, lg_error *error);
 lg_status lg_program_jacobian(lg_program *program, const char *function, lg_error *error);
 /* Makes a program without functions that has the parameters and the description of another. */
 lg_status lg_program_bare(const lg_program *from, lg_program **out, lg_error *error);
@@ -134,6 +141,10 @@ void lg_function_destroy(const lg_context *context, lg_function *function);
 /* The port `name` with the values of an output from all calls of a loop: (times, shape...). The output's rank
  * is below LG_MAX_RANK. */
 lg_port lg_path_port(const lg_port *output, uint32_t times, const char *name);
+
+/* lg_plan_create for a function with this name, and otherwise default options. */
+LG_API lg_status lg_program_plan(const lg_program *program, const char *function, lg_dtype dtype, size_t rows,
+                                 lg_plan **out, lg_error *error);
 
 /* Shape and attributes of a node for this number of rows. False: a dimension or an attribute is negative or
  * too large for this number. attr->pointer points into the function. */

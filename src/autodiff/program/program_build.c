@@ -8,9 +8,6 @@
 #include <string.h>
 
 #include "autodiff/program/program_call.h"
-#include "core/clean.h"
-
-LG_AT(lg_program_destroy, lg_program)
 
 /* A derivative consists of known operations, so three numbers of rows suffice. The caller's own code may
  * branch on values, which recordings at more points reveal. */
@@ -567,4 +564,19 @@ lg_status lg_program_bare(const lg_program *from, lg_program **out, lg_error *er
                                   .description = from->description};
     for (size_t i = 0; i < from->parameters; i++) parameters[i] = lg_program_parameter(from, i);
     return lg_program_begin(from->context, &spec, out, error);
+}
+
+static lg_status record_flat(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in, lg_var *out) {
+    const lg_program_part *part = user;
+    return lg_program_record(tape, part->program, part->function, theta, in, out);
+}
+
+lg_status lg_program_flat(const lg_program *program, size_t function, lg_program **out, lg_error *error) {
+    const lg_function *f = &program->function[function];
+    lg_program_part part = {program, function};
+    const lg_function_spec flat = {f->name, f->input, f->inputs, f->output, f->outputs, record_flat, &part};
+    LG_CLEAN(lg_program_destroy_at) lg_program *made = NULL;
+    LG_TRY(lg_program_bare(program, &made, error));
+    LG_TRY(lg_program_record_function(made, &flat, true, error));
+    return LG_MOVE(out, made);
 }

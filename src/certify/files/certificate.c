@@ -194,7 +194,6 @@ static void write_tree(lg_text *to, const lg_certificate *f, const void *member)
 
 typedef struct reading {
     lg_yaml *yaml;
-    yaml_document_t *document;
     lg_field keys[ROWS];
     lg_key_value values[ROWS];
     values *to;
@@ -406,16 +405,12 @@ static size_t byte_of(const unsigned char *data, size_t bytes, size_t character)
 
 static lg_status check_hash(const reading *r, const char *key, const char *part, const char *expected,
                             const unsigned char *data, size_t bytes) {
-    const yaml_node_t *root = yaml_document_get_root_node(r->document);
-    char found[LG_SHA256_TEXT] = "";
-    for (const yaml_node_pair_t *p = root->data.mapping.pairs.start; p < root->data.mapping.pairs.top; p++) {
-        const char *name = lg_node_text(yaml_document_get_node(r->document, p->key), 64);
-        const yaml_node_t *node = yaml_document_get_node(r->document, p->value);
-        if (name == NULL || strcmp(name, key) != 0) continue;
-        const size_t from = byte_of(data, bytes, node->start_mark.index),
-                     to = byte_of(data, bytes, node->end_mark.index);
-        hash(data + from, to - from, found);
-    }
+    const yaml_node_t *root = yaml_document_get_root_node(lg_yaml_document(r->yaml)),
+                      *node = lg_node_below(r->yaml, root, key); /* it was read: it is there */
+    const size_t from = byte_of(data, bytes, node->start_mark.index),
+                 to = byte_of(data, bytes, node->end_mark.index);
+    char found[LG_SHA256_TEXT];
+    hash(data + from, to - from, found);
     if (strcmp(found, expected) == 0) return LG_OK;
     return lg_fail(r->error, LG_CHECK_FAILED,
                    "%s: the code \"%s\" does not have the SHA-256 of \"%s\": the file was changed",
@@ -458,7 +453,7 @@ lg_status lg_certificate_load(const lg_context *context, const char *path, lg_ce
     LG_TRY(lg_yaml_bytes(context, path, &text, &bytes, error));
     data.memory = text;
     LG_TRY(lg_yaml_open_text(context, path, text, bytes, &yaml, error));
-    reading r = {.to = &to, .error = error, .yaml = yaml, .document = lg_yaml_document(yaml)};
+    reading r = {.to = &to, .error = error, .yaml = yaml};
     const lg_status status = read_values(&r, text, bytes);
     if (status == LG_OK)
         *out = to.f;
