@@ -167,10 +167,7 @@ typedef struct export_source {
 
 /* The fragments: the text of <name>.c below code/, and of files with other endings, which are part of their
  * names. The table ends with a row of NULL. */
-typedef struct export_fragment {
-    const char *name, *text;
-} export_fragment;
-extern const export_fragment export_fragments[];
+extern const lg_named_text export_fragments[];
 /* Returns the text of a fragment, or a line with #error if there is no fragment of this name. */
 const char *export_fragment_text(const char *name);
 

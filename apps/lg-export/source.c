@@ -11,9 +11,8 @@
 /* ---- fragments ---- */
 
 const char *export_fragment_text(const char *name) {
-    for (const export_fragment *f = export_fragments; f->name != NULL; f++)
-        if (strcmp(f->name, name) == 0) return f->text;
-    return "#error missing fragment\n";
+    const char *found = lg_named_text_of(export_fragments, name);
+    return found != NULL ? found : "#error missing fragment\n";
 }
 
 static void add_fragment(export_source *source, const char *fragment, text *to) {
