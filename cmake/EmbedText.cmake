@@ -2,7 +2,7 @@
 # C files and gnuplot scripts (.gp) are named without their ending, others (.sh, .yaml, .cin, .gmake, .cmake) with it. As a script: cmake -DFOLDERS=... -DOUT=... -DHEADER=... -DTABLE=... -P EmbedText.cmake. Included: embed_text.
 #
 # embed_text(out header table folder...): the generated file's path into `out`; made again when a file below a folder
-# changes, comes or goes. `header` declares `table`, an array such as "const export_fragment export_fragments[]".
+# changes, comes or goes. `header` declares `table`, an array such as "const lg_named_text export_fragments[]".
 if(CMAKE_SCRIPT_MODE_FILE)
   string(REPLACE "|" ";" FOLDERS "${FOLDERS}")
   list(TRANSFORM FOLDERS APPEND "/*.[cgsy]*")

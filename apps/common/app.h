@@ -430,16 +430,12 @@ void app_read_options(const app *app);
 void app_continue(const char *path);
 /* Writes texts into a folder, except the scripts NAME.sh; the last row is NULL. If a file of such a name
  * holds anything else, the command ends before the first text is written. */
-typedef struct app_named_text {
-    const char *name, *text;
-} app_named_text;
-const char *app_text_of(const app_named_text *texts, const char *name); /* the name is in the list */
-void app_write_texts(const app *app, const char *folder, const app_named_text *texts);
+void app_write_texts(const app *app, const char *folder, const lg_named_text *texts);
 /* The demo of a program (demo.c): writes the files below apps/PROGRAM/demo into the folder --out, and runs
  * demo.sh there with bash. Its variables are LG_JSON, LG_SEED, LG_THREADS and the options of the command,
  * such as LG_T_END. Returns the exit code of the first command that fails, otherwise 0. */
 #define APP_DEMO_EPOCHS(...) LG_OPTION(app_common, epochs, U64, "E", __VA_ARGS__, .low = 1, .high = 1e6)
-extern const app_named_text lg_control_demo[], lg_hamiltonian_demo[], lg_identify_demo[];
+extern const lg_named_text lg_control_demo[], lg_hamiltonian_demo[], lg_identify_demo[];
 #define APP_DEMO(options, texts)                                                                             \
     .name = "demo", .settings = APP_SETTINGS(APP_GIVEN(options, app_common_given)), .run = app_demo,         \
     .row = (texts)
@@ -466,7 +462,7 @@ void app_release_claims(void);
  *   app_plot_block(plot);
  *   APP_PLOT_ROW(plot, 9, t, y);                               this is a line of block 2
  */
-extern const app_named_text app_plot_scripts[]; /* the files apps/plots/NAME.gp, and a last row of NULL */
+extern const lg_named_text app_plot_scripts[]; /* the files apps/plots/NAME.gp, and a last row of NULL */
 
 typedef struct app_plot {
     const char *kind, *script; /* names of the row and its script; the function may set another script */

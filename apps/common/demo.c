@@ -43,11 +43,6 @@ static int wait_for_script(const app *self, pid_t child) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
-const char *app_text_of(const app_named_text *texts, const char *name) {
-    while (strcmp(texts->name, name) != 0) texts++;
-    return texts->text;
-}
-
 /* Creates the folder unless it exists. Its parent folder must exist. */
 static lg_status make_folder(const char *path, lg_error *error) {
     struct stat information;
@@ -59,7 +54,7 @@ static lg_status make_folder(const char *path, lg_error *error) {
 
 void app_demo(app *self) {
     extern char **environ;
-    const app_named_text *texts = self->command->row;
+    const lg_named_text *texts = self->command->row;
     const char *folder = app_common_given.out;
     pid_t child;
     APP_MUST_FILE(self, folder, make_folder(folder, &error));
@@ -68,7 +63,7 @@ void app_demo(app *self) {
     set_variables(self);
     if (chdir(folder) != 0) app_stop(self, LG_FILE, "%s: %s", folder, strerror(errno));
     APP_FREE char *commands =
-        app_format("%s%s", app_text_of(texts, "begin.sh"), app_text_of(texts, "demo.sh"));
+        app_format("%s%s", lg_named_text_of(texts, "begin.sh"), lg_named_text_of(texts, "demo.sh"));
     char *words[] = {"bash", "-peu", "-c", commands, self->title, NULL};
     const int failed = posix_spawnp(&child, words[0], NULL, NULL, words, environ);
     if (failed != 0)

@@ -382,9 +382,9 @@ void app_check_text(const app *self, const char *path, const char *text) {
     APP_MUST_FILE(self, path, may_write(self, path, text, strlen(text), false, false, &error));
 }
 
-void app_write_texts(const app *self, const char *folder, const app_named_text *texts) {
+void app_write_texts(const app *self, const char *folder, const lg_named_text *texts) {
     for (int writing = 0; writing < 2; writing++)
-        for (const app_named_text *at = texts; at->name != NULL; at++) {
+        for (const lg_named_text *at = texts; at->name != NULL; at++) {
             app_file file;
             APP_FREE char *path = app_format("%s/%s", folder, at->name);
             const char *text = at->text;

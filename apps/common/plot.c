@@ -114,8 +114,8 @@ void app_plot_row(const app *self, const app_plot_kind *row, const void *of) {
     free(plot.data.text);
     app_must_file(self, app_file_end(&plot.texts, &error), &error, image);
     app_file_begin(&script, script_path);
-    (void)fprintf(script.stream, "%s\n%s", app_text_of(app_plot_scripts, "begin"),
-                  app_text_of(app_plot_scripts, plot.script));
+    (void)fprintf(script.stream, "%s\n%s", lg_named_text_of(app_plot_scripts, "begin"),
+                  lg_named_text_of(app_plot_scripts, plot.script));
     lg_status status = app_file_end(&script, &error);
     const bool scripted = status == LG_OK;
     if (scripted) status = draw(self, image, data_path, script_path, &error);

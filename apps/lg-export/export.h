@@ -147,7 +147,6 @@ typedef struct export_source {
     /* 1, or the factor by which the model multiplies rounding errors; `about` explains the factor. */
     double condition;
     export_golden golden;
-    char fragments[4096]; /* Names of the fragments that are already added, each between blanks. */
     size_t parameters;    /* Number of the model's parameters; 0: `numbers` is reported instead. */
     size_t numbers;       /* Number of reals in NAME_weights.c. */
     size_t integer_bytes; /* Size of the tables of integers in NAME_weights.c. */
@@ -167,16 +166,12 @@ typedef struct export_source {
 
 /* The fragments: the text of <name>.c below code/, and of files with other endings, which are part of their
  * names. The table ends with a row of NULL. */
-typedef struct export_fragment {
-    const char *name, *text;
-} export_fragment;
-extern const export_fragment export_fragments[];
+extern const lg_named_text export_fragments[];
 /* Returns the text of a fragment, or a line with #error if there is no fragment of this name. */
 const char *export_fragment_text(const char *name);
 
-/* Adds a fragment (<fragment>.c below code/) to source->code, at most once. */
+/* Add a fragment (<fragment>.c below code/) to source->code and to source->test. */
 void export_code(export_source *source, const char *fragment);
-/* Adds a fragment to source->test, at most once. */
 void export_test_code(export_source *source, const char *fragment);
 /* Add a constant: export_size a `#define NAME_<constant>` for NAME.h, export_constant an enumeration constant
  * for NAME.c, which is called <constant> without a prefix. */

@@ -216,6 +216,7 @@ static void write_model(export_model *m) {
                  lg_status_sentence(status));
     EXPORT_MUST(m, measure_condition(m, &error));
     m->kind->tell(m);
+    if (m->kind->recipe != NULL) export_tell_facts(m);
     export_warn_delay(m->self, m->source);
 }
 

@@ -105,6 +105,9 @@ void export_rest(const lg_space *space, double *y);
 void export_turn(export_model *m, double *x);
 /* Adds a line such as "state (6)     q1 p1" to `about`: what (count), words. */
 void export_tell_numbers(text *about, const char *what, size_t count, const char *words);
+/* Adds what the file says about the model, its data, its training and its results, and the provenance
+ * (facts.c). */
+void export_tell_facts(const export_model *m);
 /* Adds lines about the scheme, and about the condition if it exceeds 1 (motion.c). */
 void export_tell_motion(const export_model *m);
 /* Computes the scores of golden vector v. Returns false if rounding could change its class (window.c). */

@@ -35,7 +35,7 @@ const char *export_name_problem(const char *name) {
     if (strcmp(name, "run") == 0 || strcmp(name, "golden") == 0)
         return "the self-test uses words with this beginning";
     if (strcasecmp(name, "makefile") == 0) return "make treats files of this name as its own";
-    for (const export_fragment *f = export_fragments; f->name != NULL; f++)
+    for (const lg_named_text *f = export_fragments; f->name != NULL; f++)
         if (strchr(f->name, '.') == NULL && begins_a_word(name, f->text))
             return "the code uses words with this beginning";
     return NULL;

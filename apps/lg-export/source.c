@@ -11,17 +11,11 @@
 /* ---- fragments ---- */
 
 const char *export_fragment_text(const char *name) {
-    for (const export_fragment *f = export_fragments; f->name != NULL; f++)
-        if (strcmp(f->name, name) == 0) return f->text;
-    return "#error missing fragment\n";
+    const char *found = lg_named_text_of(export_fragments, name);
+    return found != NULL ? found : "#error missing fragment\n";
 }
 
-static void add_fragment(export_source *source, const char *fragment, text *to) {
-    char word[64];
-    const int length = snprintf(word, sizeof word, " %s ", fragment);
-    const size_t used = strlen(source->fragments);
-    if (length < 0 || strstr(source->fragments, word) != NULL) return;
-    (void)snprintf(source->fragments + used, sizeof source->fragments - used, "%s", word);
+static void add_fragment(const export_source *source, const char *fragment, text *to) {
     lg_text_add(to, "\n");
     lg_text_add_named(to, source->options->name, export_fragment_text(fragment));
 }

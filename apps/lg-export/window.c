@@ -98,11 +98,6 @@ void export_window_score_words(text *to, const export_window *window) {
                                                  : " (healthy)");
     if (window->healthy != NULL && healthy == LG_NO_CLASS)
         lg_text_add(to, "  It is unknown which class means that all is well.\n");
-    if (isfinite(window->accuracy))
-        lg_text_add(to, "accuracy      %.6g on the test part, F1 %.6g (mean over the classes)\n",
-                    window->accuracy, window->f1);
-    else
-        lg_text_add(to, "accuracy      unknown: there was no test part\n");
 }
 
 /* ---- golden vectors ---- */

@@ -11,7 +11,6 @@ typedef struct export_window {
     /* Name of the class that means "all is well", as stored with the model; "" if unknown. NULL: the classes
      * of the model have no such meaning. */
     const char *healthy;
-    double accuracy, f1;     /* On the test part; NaN: unknown. */
     const char *scores;      /* What the scores of the classes are; NULL: "probabilities". */
     const char *score_words; /* Lines about the scores for the comment of NAME_classify. */
 } export_window;

@@ -56,6 +56,11 @@ void lg_text_add(lg_text *to, const char *format, ...) {
     va_end(again);
 }
 
+const char *lg_named_text_of(const lg_named_text *texts, const char *name) {
+    while (texts->name != NULL && strcmp(texts->name, name) != 0) texts++;
+    return texts->text;
+}
+
 bool lg_in_word(char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
 }

@@ -32,6 +32,12 @@ const char *lg_decimal(const char *text, double *out);
  * surrogates are none). Returns 0 if the `left` bytes begin a character whose end is missing. */
 #define LG_NO_CHARACTER UINT32_MAX
 size_t lg_utf8(const char *text, size_t left, uint32_t *code);
+/* A file that was built in as a text. The lists of such texts end with a row of NULL; lg_named_text_of
+ * returns NULL if the list has no text of this name. */
+typedef struct lg_named_text {
+    const char *name, *text;
+} lg_named_text;
+const char *lg_named_text_of(const lg_named_text *texts, const char *name);
 /* lg_in_word: true if c is a letter, a digit or _. lg_is_word: true if the text has at least one character
  * and all its characters are such. */
 bool lg_in_word(char c);

@@ -74,7 +74,7 @@ static double stumpff_root(double w, double *dx) {
 /* ---- the same source text as in exported code ---- */
 
 #define real double
-#include "kernels/code/dexpinv.c"
+#include "kernels/code/dexpinv_coef.c"
 #include "kernels/code/stumpff.c"
 #undef real
 

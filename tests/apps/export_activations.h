@@ -12,13 +12,13 @@
 #include "../../src/autodiff/program/code/prelude.c"
 #if EXPORT_SINGLE
 #include "../../src/autodiff/program/code/prelude_f32.c"
-#include "../../src/autodiff/program/code/exp_float.c"
+#include "../../src/autodiff/program/code/exp_f32.c"
 #else
 #include "../../src/autodiff/program/code/prelude_f64.c"
-#include "../../src/autodiff/program/code/exp_double.c"
+#include "../../src/autodiff/program/code/exp_f64.c"
 #endif
-#include "../../src/autodiff/program/code/tanh.c"
-#include "../../src/autodiff/program/code/sigmoid.c"
+#include "../../src/autodiff/program/code/tanh_of.c"
+#include "../../src/autodiff/program/code/sigmoid_of.c"
 
 static void EXPORT_NAME(tanh)(int n, real *z) {
     for (int i = 0; i < n; i++) z[i] = tanh_of(z[i]);

@@ -710,8 +710,8 @@ TEST("headers describe the model, its inputs and classes, and say where its numb
         const char *name, *dtype, *words, *of_weights;
     } rows[] = {
         {&tables, "plain", "f64",
-         "regression|inputs x (4)|in |outputs y (2)|0.125 of the outputs|lg-fit train soil.csv|321 rows|"
-         "0000000042|2 hidden layers of 9",
+         "regression|inputs x (4)|in |outputs y (2)|0.125: of the outputs|lg-fit train soil.csv|rows 321|"
+         "0000000042|hidden 9,9",
          ""},
         {&tables, "classes", "f64", "classification|CLASSES 4|class2|a logit a class", ""},
         {&detectors, "average", "f32",

@@ -359,18 +359,18 @@ TEST("in single precision a sum over thousands of panels is as accurate as its t
 TEST("the header describes the model, says where its numbers come from, and gives the training range") {
     static const char *const rows[][2] = {
         {"plain", "discrete network|inner nodes and tangents|L = 3.3, N = 8|q_7x q_7y|mlp"},
-        {"fixed", "discrete network|outputs y (76)|q_19x q_19y|mean and 12 modes of the training curves"},
-        {"turned", "discrete network|outputs y (76)|from the inner angles"},
-        {"gated", "continuous network|dq/ds|embedding 6, sigmoid|x-coordinates of the ends|mirror"},
-        {"bend", "angle network|radians|curvature|given ones by construction|mult-affine"},
+        {"fixed", "discrete network|outputs y (76)|q_19x q_19y|modes 12"},
+        {"turned", "discrete network|outputs y (76)|angles true"},
+        {"gated", "continuous network|dq/ds|sigmoid|embedding 6|normalise true|mirror true"},
+        {"bend", "angle network|radians|curvature|boundary true|mult-affine"},
     };
     for (size_t r = 0; r < LG_COUNT(rows); r++) {
         const exported *e = export_made(&beams, export_find(&beams, rows[r][0]), "f64", "");
         double least = INFINITY;
         const char *header = test_text("%s/m.h", e->folder);
         export_expect_words(header, rows[r][1]);
-        export_expect_words(
-            header, "2.5e-07|3.5e-07|lg-elastica train beams.h5|0000000042|1000 curves|batches of 10");
+        export_expect_words(header,
+                            "2.5e-07|3.5e-07|lg-elastica train beams.h5|0000000042|curves 1000|batch 10");
         for (size_t i = 0; i < TRAINED; i++) least = fmin(least, file_of(e)->trained[8 * i + 4]);
         export_expect_words(header, test_text("qNx   %.6g to ", least));
     }

@@ -607,7 +607,7 @@ TEST("the header describes state and inputs, and gives the range of the data") {
     export_expect_words(test_text("%s/m.h", e->folder),
                         "x theta hull.x hull.y hull.z rod.q (3) rod.p (3) body.R (9, rows) hull.R|"
                         "u1 u2 as in the log|theta -1 to 2|cf4, order 4: 4 evaluations|"
-                        "20 windows of 5 rows 0.02 apart");
+                        "windows 20, dt 0.02|window 5,");
 }
 
 static void expect_header(const char *model, const char *words) {
@@ -620,26 +620,26 @@ TEST("the header states the recorded errors") {
     const example *of = export_find(&motions, "flat1");
     lg_hamiltonian_file file = hamiltonian_of(of), judged = file;
     save(&file, "flat1");
-    expect_header("flat1", "test set      none recorded|!E1  |!E2  |!test SHA-256");
+    expect_header("flat1", "!E1  |!E2  |!test_sha256");
     judged.has_e1 = judged.has_e2 = true;
     judged.e1 = 1.23456e-7, judged.e2 = 3.45678e-4;
     judged.test = (lg_test_set){.trajectories = 100, .points = 15, .t_end = 1.5};
     (void)snprintf(judged.test.sha256, sizeof judged.test.sha256, "%064d", 7);
     assert_ok(lg_hamiltonian_save_errors(NULL, export_path("flat1"), &judged, NULL));
-    expect_header("flat1", "E1            1.2346e-07: mean squared error|E2            3.4568e-04: mean |"
-                           "test set      100 trajectories of 15 points over a time of 1.5\n|"
-                           "test SHA-256  0000000000000000000000000000000000000000000000000000000000000007\n|"
-                           "!test set      none recorded|!over a time of 1.5: THE TRAINING DATA");
+    expect_header("flat1", "E1            1.23456e-07: mean squared error|E2            0.000345678: mean |"
+                           "test_trajectories  100\n|test_points   15\n|test_t_end    1.5\n|"
+                           "test_sha256   0000000000000000000000000000000000000000000000000000000000000007\n|"
+                           "!THE TRAINING DATA");
     judged.has_e2 = false;
     judged.test = (lg_test_set){.trajectories = 0};
     assert_ok(lg_hamiltonian_save_errors(NULL, export_path("flat1"), &judged, NULL));
-    expect_header("flat1", "E1            1.2346e-07|test set      of unknown size|!E2  |!test SHA-256");
+    expect_header("flat1", "E1            1.23456e-07|!E2  |!test_trajectories|!test_sha256");
     file.has_e1 = true;
     file.test = (lg_test_set){.trajectories = 2, .points = 15, .t_end = 1.5};
     (void)snprintf(file.test.sha256, sizeof file.test.sha256, "%064d", 8);
     memcpy(file.run.data_sha256, file.test.sha256, sizeof file.run.data_sha256);
     save(&file, "own");
-    expect_header("own", "over a time of 1.5: THE TRAINING DATA");
+    expect_header("own", "0008: THE TRAINING DATA");
 }
 
 /* A singular mass matrix, and one whose inverse a float cannot hold. */

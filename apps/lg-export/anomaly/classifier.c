@@ -2,6 +2,7 @@
  * below code/classifier compute the features, functions of the classifier's program everything else. */
 #include "lg-export/anomaly/classifier.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "anomaly/classify/classify_internal.h"
@@ -212,6 +213,11 @@ static void add_words(const classifier_job *j, const export_window *window) {
     export_window_words(j->source, window);
     add_outputs(j, to);
     export_window_score_words(to, window);
+    if (isfinite(j->file->accuracy))
+        lg_text_add(to, "accuracy      %.6g on the test part, F1 %.6g (mean over the classes)\n",
+                    j->file->accuracy, j->file->f1);
+    else
+        lg_text_add(to, "accuracy      unknown: there was no test part\n");
     add_features_words(j, to);
     if (j->c->method == LG_METHOD_TREE)
         lg_text_add(to, "tree          %u nodes, depth %u\n", j->c->tree.count, j->c->tree.depth);
@@ -251,7 +257,7 @@ static const char *const score_words[] = {
 
 static export_window window_of(const classifier_file *file) {
     const lg_classifier *c = &file->classifier;
-    export_window out = {file->names, file->run.healthy, file->accuracy, file->f1, NULL, NULL};
+    export_window out = {file->names, file->run.healthy, NULL, NULL};
     out.names.length = c->features.length;
     out.scores = lg_method_is_svm(c->method) || c->method == LG_METHOD_RIDGE ? "scores" : "probabilities";
     out.score_words = score_words[!lg_method_is_svm(c->method) ? 0 : c->classes == 2 ? 1 : 2];

@@ -16,26 +16,11 @@ static size_t depth_of(const void *contents) {
 
 static void describe(const void *contents, export_window *out) {
     const lg_detector_file *file = contents;
-    *out = (export_window){file->names, file->run.healthy, file->accuracy, file->f1, NULL, NULL};
+    *out = (export_window){file->names, file->run.healthy, NULL, NULL};
     out->names.length = file->run.model.net.length;
 }
 
 /* ---- description in NAME.h ---- */
-
-static void add_network(text *to, const lg_detector *model) {
-    const lg_cnn *net = &model->net;
-    lg_text_add(to, "network       %u blocks, then %s%s\n", net->blocks,
-                net->plane > 0 ? "a layer before the output; activation " : "the output layer; activation ",
-                lg_activation_name(net->activation));
-    for (uint32_t i = 0; i < net->blocks; i++) {
-        const lg_cnn_block *b = &net->block[i];
-        lg_text_add(to, "              %u: %u filters, kernel %u, stride %u, padding %u; pooling %s", i + 1,
-                    b->channels, b->kernel, b->stride, b->padding, lg_pooling_name(b->pooling));
-        if (b->pooling != LG_POOL_NONE) lg_text_add(to, " %u/%u", b->pool_size, b->pool_stride);
-        lg_text_add(to, "; gives %u samples\n", net->lengths[i + 1]);
-    }
-    if (net->plane > 0) lg_text_add(to, "              plane: %u\n", net->plane);
-}
 
 static void add_scaling(text *to, const lg_detector *model, const lg_scaler *scaler) {
     lg_text_add(to, "scaling       (x - mean)/scale of each channel%s:\n",
@@ -64,9 +49,7 @@ static void tell(export_model *m) {
         to, " Gradient: d y/d x, one row an output, by the window as recorded. ReLU and maxima have the "
             "derivative of the branch that is taken: within rounding of a kink it may be the other one.\n\n");
     export_window_score_words(to, &window);
-    if (isfinite(file->test_mse)) lg_text_add(to, "test MSE      %.6g of the probability\n", file->test_mse);
     lg_text_add(to, "\n");
-    add_network(to, model);
     add_scaling(to, model, &file->scaler);
     if (source->condition != 1)
         lg_text_add(
@@ -74,11 +57,6 @@ static void tell(export_model *m) {
             "tolerance     contains the factor %.6g: the error of single precision, divided by the root mean "
             "square of the results, is at most this times DEPTH roundings on windows like the golden ones\n",
             source->condition);
-    lg_text_add(to, "training      %zu of %llu epochs, loss %s, %s; %llu windows\n", file->epochs_done,
-                (unsigned long long)file->run.training.epochs, lg_detector_loss_name(model->loss),
-                file->run.training.dtype == LG_F32 ? "float" : "double",
-                (unsigned long long)file->run.windows);
-    export_provenance(source, &file->provenance, file->run.data_sha256);
 }
 
 /* ---- golden vectors ---- */

@@ -129,40 +129,6 @@ static void add_range(text *to, const lg_surrogate_file *file) {
         2 * lg_surrogate_spread(file->trained, file->trained_count));
 }
 
-static void add_options(text *to, const lg_surrogate *model) {
-    const struct {
-        bool on;
-        const char *sentence;
-    } rows[] = {
-        {model->options.normalise, "x-coordinates of the ends enter scaled"},
-        {model->options.mirror, "curves of mirrored boundary conditions are exact mirror images"},
-        {model->options.angles, "unit tangents from the inner angles, nodes from the tangents"},
-        {model->options.boundary, "the angles at both ends equal the given ones by construction"},
-    };
-    lg_text_add(to, "network       %s, %u layers of %u after the first, embedding %u, %s\n",
-                lg_net_kind_name(model->net.kind), model->net.layers, model->net.hidden, model->net.embedding,
-                lg_activation_name(model->net.activation));
-    if (model->options.modes > 0)
-        lg_text_add(to, "              fixed last layer: mean and %u modes of the training curves\n",
-                    model->options.modes);
-    for (size_t i = 0; i < LG_COUNT(rows); i++)
-        if (rows[i].on) lg_text_add(to, "              %s\n", rows[i].sentence);
-}
-
-static void add_training(text *to, const lg_surrogate_file *file) {
-    const lg_fit_settings *t = &file->run.training;
-    lg_text_add(
-        to, "training      %zu of %llu epochs, batches of %llu, learning rate %.6g, weight decay %.6g, %s\n",
-        file->epochs_done, (unsigned long long)t->epochs, (unsigned long long)t->batch, t->lr,
-        t->weight_decay, t->dtype == LG_F32 ? "float" : "double");
-    lg_text_add(to, "data          %llu curves, %.6g of them to train, %.6g to test; %s values\n",
-                (unsigned long long)file->run.curves, file->run.train_fraction, file->run.test_fraction,
-                file->run.continuous ? "continuous" : "discrete");
-    if (!file->has_errors) return;
-    lg_text_add(to, "train MSE     %.6g (mean square error of q and v at the nodes)\n", file->train_mse);
-    if (isfinite(file->test_mse)) lg_text_add(to, "test MSE      %.6g\n", file->test_mse);
-}
-
 static void tell(export_model *m) {
     const lg_surrogate_file *file = m->file->contents;
     export_source *source = m->source;
@@ -183,9 +149,6 @@ static void tell(export_model *m) {
     add_kind(to, model);
     add_inputs(to, model);
     add_range(to, file);
-    add_options(to, model);
-    add_training(to, file);
-    export_provenance(source, &file->provenance, file->run.data_sha256);
     lg_text_add(
         &source->declarations,
         "/* The curve of boundary conditions x (8: q0 v0 qN vN) at s (points), rising, 0 to L: q and v "

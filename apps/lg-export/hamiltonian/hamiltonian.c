@@ -80,62 +80,10 @@ static void tell_model(export_source *source, const lg_hamiltonian *model) {
             "              formulas as they stand, and steps keep the distance but for rounding.\n");
 }
 
-static void tell_test_set(text *about, const lg_hamiltonian_file *file) {
-    const lg_test_set *test = &file->test;
-    const bool own = test->sha256[0] != '\0' && strcmp(test->sha256, file->run.data_sha256) == 0;
-    if (test->trajectories > 0)
-        lg_text_add(about, "test set      %llu trajectories", (unsigned long long)test->trajectories);
-    else
-        lg_text_add(about, "test set      of unknown size");
-    if (test->points > 0) lg_text_add(about, " of %llu points", (unsigned long long)test->points);
-    if (test->t_end > 0) lg_text_add(about, " over a time of %g", test->t_end);
-    lg_text_add(about, "%s\n", own ? ": THE TRAINING DATA" : "");
-    if (test->sha256[0] != '\0') lg_text_add(about, "test SHA-256  %s\n", test->sha256);
-}
-
-static void tell_test(text *about, const lg_hamiltonian_file *file) {
-    if (file->has_e1)
-        lg_text_add(
-            about,
-            "E1            %.4e: mean squared error of the learned flow, integrated accurately from\n"
-            "              the starts of the test set, over its trajectories, coordinates and points\n",
-            file->e1);
-    if (file->has_e2)
-        lg_text_add(about, "E2            %.4e: mean |d - mean d|, d = true H - learned H at these starts\n",
-                    file->e2);
-    if (file->has_e1 || file->has_e2)
-        tell_test_set(about, file);
-    else
-        lg_text_add(about, "test set      none recorded\n");
-}
-
-static void tell_training(text *about, const lg_hamiltonian_file *file) {
-    const lg_hamiltonian_run *run = &file->run;
-    const double *loss = file->history[LG_FIT_LOSS];
-    lg_text_add(about, "\n");
-    if (run->system[0] != '\0') lg_text_add(about, "system        %s\n", run->system);
-    if (run->trajectories > 0)
-        lg_text_add(
-            about,
-            "trained on    %llu trajectories of %llu points %g apart, through %s with %u step%s between "
-            "two points\n",
-            (unsigned long long)run->trajectories, (unsigned long long)run->points, run->dt,
-            run->scheme->name, (unsigned)run->substeps, run->substeps == 1 ? "" : "s");
-    if (file->epochs_done > 0)
-        lg_text_add(about, "epochs        %zu, in %s precision\n", file->epochs_done,
-                    run->training.dtype == LG_F32 ? "single" : "double");
-    if (file->epochs_done > 0 && loss != NULL && isfinite(loss[file->epochs_done - 1]))
-        lg_text_add(about, "last loss     %.4e (mean squared error of the predicted points)\n",
-                    loss[file->epochs_done - 1]);
-    tell_test(about, file);
-}
-
 static void tell(export_model *m) {
     const lg_hamiltonian_file *file = m->file->contents;
     tell_model(m->source, &file->run.model);
     export_tell_motion(m);
-    tell_training(&m->source->about, file);
-    export_provenance(m->source, &file->provenance, file->run.data_sha256);
 }
 
 /* ---- depth, and checks before the code is written ---- */

@@ -45,23 +45,6 @@ static void draw(export_model *m, double *x, size_t v_at) {
 
 /* ---- description in NAME.h ---- */
 
-static void tell_training(const export_model *m) {
-    const lg_machine_model_run *run = run_of(m);
-    const lg_machine_model_file *file = m->file->contents;
-    const double *loss = file->history[LG_FIT_LOSS];
-    const size_t done = file->epochs_done;
-    text *about = &m->source->about;
-    lg_text_add(
-        about,
-        "\ntrained on    %llu windows of %u rows %g apart, through %s with %u step%s between two rows\n",
-        (unsigned long long)run->windows, run->window, run->dt, run->scheme->name, run->substeps,
-        run->substeps == 1 ? "" : "s");
-    if (done > 0 && loss != NULL && isfinite(loss[done - 1]))
-        lg_text_add(about, "last loss     %.4e (in the units of the noise or of the motion, squared)\n",
-                    loss[done - 1]);
-    export_provenance(m->source, &file->provenance, run->data_sha256);
-}
-
 static const char words_of_field[] = "an element of the algebra: rates of places, omega and moment of each "
                                      "direction, R Omega of each rotation, "
                                      "rates of momenta, of bristles and of lagged inputs";
@@ -83,7 +66,6 @@ static void tell(export_model *m) {
                 "manifold      A state off it is not projected; steps keep the distance but for rounding.\n");
     export_tell_motion(m);
     lg_text_add(about, "%s", source->range.data);
-    tell_training(m);
 }
 
 const export_kind export_kind_machine = {.recipe = &lg_recipe_machine_model,

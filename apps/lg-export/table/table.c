@@ -57,14 +57,6 @@ static void tell(export_model *m) {
     lg_text_add(to, "Table network: %s of the rows of a table.\n\n", lg_table_task_name(options->task));
     add_columns(to, file);
     export_units(source, "those of the table");
-    lg_text_add(to, "\nnetwork       %s, %u hidden layers of %u, %s%s\n", lg_net_kind_name(options->network),
-                options->hidden_count, options->hidden[0], lg_activation_name(options->activation),
-                options->linear ? ", and a linear map beside it" : "");
-    if (isfinite(file->rmse)) lg_text_add(to, "rmse          %.6g of the outputs' deviation\n", file->rmse);
-    if (isfinite(file->accuracy)) lg_text_add(to, "accuracy      %.6g, F1 %.6g\n", file->accuracy, file->f1);
-    lg_text_add(to, "training      %zu epochs, %llu rows\n", file->epochs_done,
-                (unsigned long long)file->run.rows);
-    export_provenance(source, &file->provenance, file->run.data_sha256);
 }
 
 const export_kind export_kind_table = {.recipe = &lg_recipe_table,

@@ -111,14 +111,15 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *out) {
 
 /* ---- other arrays and numbers of the file ---- */
 
-static const lg_item items[] = {{.type = LG_ITEM_SCALER,
-                                 .name = "scaler",
-                                 .offset = offsetof(lg_detector_file, scaler),
-                                 .dims = {LG_DIM(lg_detector_file, run.model.net.channels, "channels")}},
-                                LG_ATTRIBUTE(lg_detector_file, REAL, "accuracy", accuracy),
-                                LG_ATTRIBUTE(lg_detector_file, REAL, "f1", f1),
-                                LG_ATTRIBUTE(lg_detector_file, REAL, "test_mse", test_mse),
-                                {.type = LG_ITEM_END}};
+static const lg_item items[] = {
+    {.type = LG_ITEM_SCALER,
+     .name = "scaler",
+     .offset = offsetof(lg_detector_file, scaler),
+     .dims = {LG_DIM(lg_detector_file, run.model.net.channels, "channels")}},
+    LG_ATTRIBUTE(lg_detector_file, REAL, "accuracy", accuracy, .field.meaning = "on the test part"),
+    LG_ATTRIBUTE(lg_detector_file, REAL, "f1", f1, .field.meaning = "mean over the classes"),
+    LG_ATTRIBUTE(lg_detector_file, REAL, "test_mse", test_mse, .field.meaning = "of the probability"),
+    {.type = LG_ITEM_END}};
 
 static lg_status put_rest(lg_h5 *h5, const void *user, lg_error *error) {
     const lg_detector_file *file = user;

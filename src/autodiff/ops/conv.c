@@ -12,7 +12,6 @@
  * differentiated again are built from the three separate operations. */
 #include "autodiff/ops/op_c.h"
 #include "autodiff/ops/op_rows.h"
-#include "autodiff/ops/conv_code.h"
 #include "autodiff/ops/pool.h"
 #include "autodiff/ops/windows.h"
 #include "autodiff/tape/tape_internal.h"
@@ -151,22 +150,22 @@ static lg_status conv1d_weight_forward(lg_evaluation *e) {
 static void conv1d_c(lg_c *c, const lg_evaluation *e) {
     const lg_conv conv = conv_at(e);
     char text[LG_WINDOWS_TEXT];
-    lg_c_call(c, &lg_c_conv1d, "conv1d(%zu, %s, %zu, $0, $1, %s, $y)", conv.batch,
-              lg_windows_text(&conv.windows, text), conv.outputs, e->inputs > 2 ? "$2" : "NULL");
+    lg_c_call(c, "conv1d(%zu, %s, %zu, $0, $1, %s, $y)", conv.batch, lg_windows_text(&conv.windows, text),
+              conv.outputs, e->inputs > 2 ? "$2" : "NULL");
 }
 
 static void conv1d_input_c(lg_c *c, const lg_evaluation *e) {
     const lg_conv conv = conv_input_at(e);
     char text[LG_WINDOWS_TEXT];
-    lg_c_call(c, &lg_c_conv1d_input, "conv1d_input(%zu, %s, %zu, $0, $1, $y)", conv.batch,
-              lg_windows_text(&conv.windows, text), conv.outputs);
+    lg_c_call(c, "conv1d_input(%zu, %s, %zu, $0, $1, $y)", conv.batch, lg_windows_text(&conv.windows, text),
+              conv.outputs);
 }
 
 static void conv1d_weight_c(lg_c *c, const lg_evaluation *e) {
     const lg_conv conv = conv_weight_at(e);
     char text[LG_WINDOWS_TEXT];
-    lg_c_call(c, &lg_c_conv1d_weight, "conv1d_weight(%zu, %s, %zu, $0, $1, $y)", conv.batch,
-              lg_windows_text(&conv.windows, text), conv.outputs);
+    lg_c_call(c, "conv1d_weight(%zu, %s, %zu, $0, $1, $y)", conv.batch, lg_windows_text(&conv.windows, text),
+              conv.outputs);
 }
 
 /* ---- convolution: unrecorded mode ---- */
@@ -359,15 +358,14 @@ static void block_c(lg_c *c, const lg_evaluation *e) {
     char text[LG_WINDOWS_TEXT];
     if (pool) lg_c_scratch(c, count);
     for (size_t i = 0; i < samples; i++) {
-        lg_c_call(c, &lg_c_conv1d, "conv1d(%zu, %s, %zu, $0 + %zu, $1, %s, %s)", together,
+        lg_c_call(c, "conv1d(%zu, %s, %zu, $0 + %zu, $1, %s, %s)", together,
                   lg_windows_text(&conv.windows, text), conv.outputs, i * series,
                   e->inputs > 2 ? "$2" : "NULL", pool ? "$s" : "$y");
         if (kind.i[0] != LG_IDENTITY)
-            lg_c_call(c, NULL, pool ? "%s(%zu, $s)" : "%s(%zu, $y)", lg_c_map(c, &lg_op_act, &kind, 1, 1),
+            lg_c_call(c, pool ? "%s(%zu, $s)" : "%s(%zu, $y)", lg_c_map(c, &lg_op_act, &kind, 1, 1),
                       together * count);
         if (pool)
-            lg_c_call(c, &lg_c_pool_mean, "pool_mean(1, %s, $s, $y + %zu)", lg_windows_text(&conv.pool, text),
-                      i * pooled);
+            lg_c_call(c, "pool_mean(1, %s, $s, $y + %zu)", lg_windows_text(&conv.pool, text), i * pooled);
     }
 }
 

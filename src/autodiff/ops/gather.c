@@ -66,32 +66,14 @@ static lg_status scatter_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-static const lg_c_fragment c_gather = {
-    .comment = "Rows index[0], index[1], ... of x.",
-    .text = LG_C(static NOINLINE void gather(int n, int length, const int *index, const real *RESTRICT x,
-                                             real *RESTRICT y) {
-        for (int i = 0; i < n; i++)
-            for (int j = 0; j < length; j++) y[i * length + j] = x[index[i] * length + j];
-    })};
-
 static void gather_c(lg_c *c, const lg_evaluation *e) {
     lg_c_indices(c, e->attr->pointer, e->attr->i[0]);
-    lg_c_call(c, &c_gather, "gather(%u, %zu, $i, $0, $y)", e->attr->i[0], row_length(e->in[0]));
+    lg_c_call(c, "gather(%u, %zu, $i, $0, $y)", e->attr->i[0], row_length(e->in[0]));
 }
-
-static const lg_c_fragment c_scatter = {
-    .comment = "Row i of x is added to row index[i] of y (rows, length), which is zero at first.",
-    .text = LG_C(static NOINLINE void scatter(int n, int length, int rows, const int *index,
-                                              const real *RESTRICT x, real *RESTRICT y) {
-        for (int i = 0; i < rows * length; i++) y[i] = REAL(0.0);
-        for (int i = 0; i < n; i++)
-            for (int j = 0; j < length; j++) y[index[i] * length + j] += x[i * length + j];
-    })};
 
 static void scatter_c(lg_c *c, const lg_evaluation *e) {
     lg_c_indices(c, e->attr->pointer, e->attr->i[0]);
-    lg_c_call(c, &c_scatter, "scatter(%u, %zu, %u, $i, $0, $y)", e->attr->i[0], row_length(e->in[0]),
-              e->attr->i[1]);
+    lg_c_call(c, "scatter(%u, %zu, %u, $i, $0, $y)", e->attr->i[0], row_length(e->in[0]), e->attr->i[1]);
 }
 
 /* Records with attr.pointer as it is: the indices already lie in the tape's memory, and derivatives share

@@ -30,15 +30,8 @@ static void rowdot_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
     for (size_t i = 0; i < e->count; i++) y[i] = lg_s_dot(s, x[0] + i * d, 1, x[1] + i * d, 1, d);
 }
 
-static const lg_c_fragment c_rowdot = {
-    .comment = "y[i] = a[i, :] . b[i, :], rows of n numbers",
-    .text = LG_C(static NOINLINE void rowdot(int rows, int n, const real *a, const real *b, real *y) {
-        for (int i = 0; i < rows; i++) y[i] = dot(n, a + i * n, b + i * n);
-    }),
-    .needs = {&lg_c_dot}};
-
 static void rowdot_c(lg_c *c, const lg_evaluation *e) {
-    lg_c_call(c, &c_rowdot, "rowdot(%zu, %u, $0, $1, $y)", e->count, e->in[0]->dims[e->in[0]->rank - 1]);
+    lg_c_call(c, "rowdot(%zu, %u, $0, $1, $y)", e->count, e->in[0]->dims[e->in[0]->rank - 1]);
 }
 
 static void rowdot_vjp(lg_reverse *r) {
@@ -86,19 +79,8 @@ static void cross_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar 
         }
 }
 
-static const lg_c_fragment c_cross = {
-    .comment = "y[i, :] = a[i, :] x b[i, :]",
-    .text = LG_C(static NOINLINE void cross(int rows, const real *RESTRICT a, const real *RESTRICT b,
-                                            real *RESTRICT y) {
-        for (int i = 0; i < rows; i++, a += 3, b += 3, y += 3) {
-            y[0] = a[1] * b[2] - a[2] * b[1];
-            y[1] = a[2] * b[0] - a[0] * b[2];
-            y[2] = a[0] * b[1] - a[1] * b[0];
-        }
-    })};
-
 static void cross_c(lg_c *c, const lg_evaluation *e) {
-    lg_c_call(c, &c_cross, "cross(%zu, $0, $1, $y)", e->count / 3);
+    lg_c_call(c, "cross(%zu, $0, $1, $y)", e->count / 3);
 }
 
 static void cross_vjp(lg_reverse *r) {
@@ -162,25 +144,8 @@ static void factor_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
     }
 }
 
-static const lg_c_fragment c_spd_factor = {
-    .comment = "Cholesky factors l of the symmetric parts of n matrices a (k, k); NaN where a pivot is not "
-               "positive.",
-    .text = LG_C(static NOINLINE void spd_factor(int n, int k, const real *RESTRICT a, real *RESTRICT l) {
-        for (int s = 0; s < n; s++, a += k * k, l += k * k) {
-            int good = 1;
-            for (int i = 0; i < k; i++)
-                for (int j = 0; j < k; j++) {
-                    real v = REAL(0.5) * (a[i * k + j] + a[j * k + i]);
-                    for (int p = 0; p < j && j <= i; p++) v -= l[i * k + p] * l[j * k + p];
-                    if (j == i) good = good && v > REAL(0.0) && v <= REAL_LARGEST;
-                    l[i * k + j] = j > i ? REAL(0.0) : j < i ? v / l[j * k + j] : good ? SQRT(v) : REAL(1.0);
-                }
-            for (int i = 0; i < k * k && !good; i++) l[i] = (real)NAN;
-        }
-    })};
-
 static void factor_c(lg_c *c, const lg_evaluation *e) {
-    lg_c_call(c, &c_spd_factor, "spd_factor(%u, %u, $0, $y)", e->shape->dims[0], e->shape->dims[1]);
+    lg_c_call(c, "spd_factor(%u, %u, $0, $y)", e->shape->dims[0], e->shape->dims[1]);
 }
 
 /* Number of terms (lg_op.terms) of a factorisation and of a solve. */
@@ -235,28 +200,9 @@ static void solve_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar 
     }
 }
 
-static const lg_c_fragment c_spd_solve = {
-    .comment = "n systems l l^T y = b; y, b (k, m)",
-    .text = LG_C(static NOINLINE void spd_solve(int n, int k, int m, const real *RESTRICT l,
-                                                const real *RESTRICT b, real *RESTRICT y) {
-        for (int s = 0; s < n; s++, l += k * k, b += k * m, y += k * m) {
-            for (int i = 0; i < k * m; i++) y[i] = b[i];
-            for (int i = 0; i < k; i++) {
-                for (int p = 0; p < i; p++)
-                    for (int c = 0; c < m; c++) y[i * m + c] -= l[i * k + p] * y[p * m + c];
-                for (int c = 0; c < m; c++) y[i * m + c] /= l[i * k + i];
-            }
-            for (int i = k - 1; i >= 0; i--) {
-                for (int p = i + 1; p < k; p++)
-                    for (int c = 0; c < m; c++) y[i * m + c] -= l[p * k + i] * y[p * m + c];
-                for (int c = 0; c < m; c++) y[i * m + c] /= l[i * k + i];
-            }
-        }
-    })};
-
 static void solve_c(lg_c *c, const lg_evaluation *e) {
     const uint32_t *d = e->shape->dims;
-    lg_c_call(c, &c_spd_solve, "spd_solve(%u, %u, %u, $2, $1, $y)", d[0], d[1], d[2]);
+    lg_c_call(c, "spd_solve(%u, %u, %u, $2, $1, $y)", d[0], d[1], d[2]);
 }
 
 static lg_var solve_with(lg_tape *tape, lg_var a, lg_var b, lg_var factor) {
@@ -326,16 +272,9 @@ static void stumpff_expand(lg_scalars *s, const lg_evaluation *e, const lg_scala
         y[i] = lg_s_numbered(s, LG_S_STUMPFF, x[0][i / each], 16 * e->attr->i[1] + (uint32_t)(i % each));
 }
 
-static const lg_c_fragment c_stumpff_rows = {
-    .comment = "y (n, most + 1) = derivative number `order` of c_0, c_1, ... at w (n)",
-    .text = LG_C(static NOINLINE void stumpff_rows(int n, int most, int order, const real *w, real *y) {
-        for (int i = 0; i < n; i++) stumpff_row(w[i], most, order, y + i * (most + 1));
-    }),
-    .needs = {&lg_c_stumpff}};
-
 static void stumpff_c(lg_c *c, const lg_evaluation *e) {
-    lg_c_call(c, &c_stumpff_rows, "stumpff_rows(%zu, %u, %u, $0, $y)", e->count / (e->attr->i[0] + 1),
-              e->attr->i[0], e->attr->i[1]);
+    lg_c_call(c, "stumpff_rows(%zu, %u, %u, $0, $y)", e->count / (e->attr->i[0] + 1), e->attr->i[0],
+              e->attr->i[1]);
 }
 
 /* Records the same functions with the next higher order of derivative. */

@@ -183,163 +183,23 @@ static lg_var lie_jvp(const lg_forward *f) {
 
 /* ---- generated C ---- */
 
-static const lg_c_fragment c_vectors = {
-    .text = LG_C(
-        static real dot3(const real *a, const real *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-        static void cross3(const real *a, const real *b, real *out) {
-            out[0] = a[1] * b[2] - a[2] * b[1];
-            out[1] = a[2] * b[0] - a[0] * b[2];
-            out[2] = a[0] * b[1] - a[1] * b[0];
-        })};
-
-static const lg_c_fragment c_so3 = {
-    .comment = "out = b + g1 u x b + g2 u x (u x b); out may be b.",
-    .text = LG_C(static void so3_function(real g1, real g2, const real *u, const real *b, real *out) {
-        real ub[3];
-        real uub[3];
-        cross3(u, b, ub);
-        cross3(u, ub, uub);
-        for (int i = 0; i < 3; i++) out[i] = b[i] + (g1 * ub[i] + g2 * uub[i]);
-    }),
-    .needs = {&c_vectors}};
-
-/* The Stumpff functions c_2 and c_3 for 0 <= w <= 4 by the series sum_i (-w)^i/(k + 2i)!, with as many terms
- * as the type can resolve. */
-static const lg_c_fragment c_so3_coefficients = {
-    .comment = "c[k] = c_k(w), k = 1, 2, 3: sin(x)/x, (1 - cos(x))/x^2, (x - sin(x))/x^3, x = sqrt(w)",
-    .text =
-        LG_C(static const real stumpff_2[12] = {REAL(0.5), REAL(0.041666666666666667),
-                                                REAL(0.0013888888888888889), REAL(2.4801587301587302e-5),
-                                                REAL(2.7557319223985891e-7), REAL(2.0876756987868099e-9),
-                                                REAL(1.1470745597729725e-11), REAL(4.7794773323873853e-14),
-                                                REAL(1.5619206968586226e-16), REAL(4.1103176233121649e-19),
-                                                REAL(8.8967913924505733e-22), REAL(1.6117375710961183e-24)};
-             static const real stumpff_3[12] = {REAL(0.16666666666666667), REAL(0.0083333333333333333),
-                                                REAL(0.00019841269841269841), REAL(2.7557319223985891e-6),
-                                                REAL(2.5052108385441719e-8), REAL(1.6059043836821615e-10),
-                                                REAL(7.6471637318198165e-13), REAL(2.8114572543455208e-15),
-                                                REAL(8.2206352466243297e-18), REAL(1.9572941063391261e-20),
-                                                REAL(3.868170170630684e-23), REAL(6.4469502844843734e-26)};
-             static void so3_coefficients(real w, real *c) {
-                 if (w <= REAL(4.0)) {
-                     real even = REAL(0.0);
-                     real odd = REAL(0.0);
-                     for (int i = sizeof w == sizeof(float) ? 6 : 11; i >= 0; i--) {
-                         even = stumpff_2[i] - w * even;
-                         odd = stumpff_3[i] - w * odd;
-                     }
-                     c[1] = REAL(1.0) - w * odd;
-                     c[2] = even;
-                     c[3] = odd;
-                 } else {
-                     const real x = SQRT(w);
-                     const real half = SIN(REAL(0.5) * x);
-                     c[1] = SIN(x) / x;
-                     c[2] = REAL(2.0) * half * half / w;
-                     c[3] = (REAL(1.0) - c[1]) / w;
-                 }
-             })};
-
-static const lg_c_fragment c_so3_exp = {
-    .comment = "y = exp(u) x for n rows; x: vectors (columns 1), or matrices by rows (columns 3)",
-    .text = LG_C(static NOINLINE void so3_exp(int n, int columns, const real *u, const real *x, real *y) {
-        for (int r = 0; r < n; r++, u += 3, x += 3 * columns, y += 3 * columns) {
-            real c[4];
-            real b[3];
-            so3_coefficients(dot3(u, u), c);
-            for (int j = 0; j < columns; j++) {
-                for (int i = 0; i < 3; i++) b[i] = x[i * columns + j];
-                so3_function(c[1], c[2], u, b, b);
-                for (int i = 0; i < 3; i++) y[i * columns + j] = b[i];
-            }
-        }
-    }),
-    .needs = {&c_so3, &c_so3_coefficients}};
-
-static const lg_c_fragment c_so3_dexp = {
-    .comment = "y = dexp_u(v) for n rows",
-    .text = LG_C(static NOINLINE void so3_dexp(int n, const real *u, const real *v, real *y) {
-        for (int r = 0; r < n; r++, u += 3, v += 3, y += 3) {
-            real c[4];
-            so3_coefficients(dot3(u, u), c);
-            so3_function(c[2], c[3], u, v, y);
-        }
-    }),
-    .needs = {&c_so3, &c_so3_coefficients}};
-
-static const lg_c_fragment c_se3_act = {
-    .comment = "The second half of exp(u, v) . (q, p) for n rows: R p + r x R q, R = exp(u), r = dexp_u(v)",
-    .text = LG_C(static NOINLINE void se3_act(int n, const real *u, const real *v, const real *q,
-                                              const real *p, real *y) {
-        for (int i = 0; i < n; i++, u += 3, v += 3, q += 3, p += 3, y += 3) {
-            real c[4];
-            real r[3];
-            real turned[3];
-            real moved[3];
-            so3_coefficients(dot3(u, u), c);
-            so3_function(c[2], c[3], u, v, r);
-            so3_function(c[1], c[2], u, q, turned);
-            cross3(r, turned, moved);
-            so3_function(c[1], c[2], u, p, y);
-            for (int k = 0; k < 3; k++) y[k] += moved[k];
-        }
-    }),
-    .needs = {&c_so3, &c_so3_coefficients}};
-
-static const lg_c_fragment c_so3_dexpinv = {
-    .comment = "y = dexp_a^-1(b) for n rows",
-    .text = LG_C(static NOINLINE void so3_dexpinv(int n, const real *a, const real *b, real *y) {
-        for (int r = 0; r < n; r++, a += 3, b += 3, y += 3)
-            so3_function(REAL(-0.5), dexpinv_coef(dot3(a, a), 0), a, b, y);
-    }),
-    .needs = {&c_so3, &lg_c_dexpinv}};
-
-static const lg_c_fragment c_se3_dexpinv = {
-    .comment =
-        "The second half of dexp_(A, a)^-1(B, b) for n rows: b - m/2 + g2 (a x (A x B) + A x m) + A.a 2 "
-        "g2' A x (A x B),\nm = a x B + A x b",
-    .text = LG_C(static NOINLINE void se3_dexpinv(int n, const real *A, const real *a, const real *B,
-                                                  const real *b, real *y) {
-        for (int r = 0; r < n; r++, A += 3, a += 3, B += 3, b += 3, y += 3) {
-            const real w = dot3(A, A);
-            const real g = dexpinv_coef(w, 0);
-            const real slope = REAL(2.0) * dot3(A, a) * dexpinv_coef(w, 1);
-            real AB[3];
-            real AAB[3];
-            real m[3];
-            real t[3];
-            real part[3];
-            cross3(A, B, AB);
-            cross3(A, AB, AAB);
-            cross3(a, B, m);
-            cross3(A, b, part);
-            for (int i = 0; i < 3; i++) m[i] += part[i];
-            cross3(a, AB, t);
-            cross3(A, m, part);
-            for (int i = 0; i < 3; i++)
-                y[i] = (b[i] - REAL(0.5) * m[i]) + (slope * AAB[i] + g * (t[i] + part[i]));
-        }
-    }),
-    .needs = {&c_vectors, &lg_c_dexpinv}};
-
 static void lie_c(lg_c *c, const lg_evaluation *e) {
     const size_t rows = lg_shape_count(*e->in[0]) / 3;
     switch ((lg_k_lie)e->attr->i[0]) {
     case LG_K_SO3_EXP:
-        lg_c_call(c, &c_so3_exp, "so3_exp(%zu, %u, $0, $1, $y)", rows, columns_of(e->shape));
+        lg_c_call(c, "so3_exp(%zu, %u, $0, $1, $y)", rows, columns_of(e->shape));
         break;
     case LG_K_SO3_DEXP:
-        lg_c_call(c, &c_so3_dexp, "so3_dexp(%zu, $0, $1, $y)", rows);
+        lg_c_call(c, "so3_dexp(%zu, $0, $1, $y)", rows);
         break;
     case LG_K_SE3_ACT:
-        lg_c_call(c, &c_se3_act, "se3_act(%zu, $0, $1, $2, $3, $y)", rows);
+        lg_c_call(c, "se3_act(%zu, $0, $1, $2, $3, $y)", rows);
         break;
     case LG_K_SO3_DEXPINV:
-        lg_c_call(c, &c_so3_dexpinv, "so3_dexpinv(%zu, $0, $1, $y)", rows);
+        lg_c_call(c, "so3_dexpinv(%zu, $0, $1, $y)", rows);
         break;
     case LG_K_SE3_DEXPINV:
-        lg_c_call(c, &c_se3_dexpinv, "se3_dexpinv(%zu, $0, $1, $2, $3, $y)", rows);
+        lg_c_call(c, "se3_dexpinv(%zu, $0, $1, $2, $3, $y)", rows);
         break;
     case LG_K_LIE_MAPS:
         break;

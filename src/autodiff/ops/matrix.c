@@ -145,52 +145,6 @@ static void matmul_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
 
 /* ---- generated C ---- */
 
-static const lg_c_fragment c_start = {
-    .comment = "y (m, n) = c, whose elements are so far apart down and along; NULL: 0.",
-    .text =
-        LG_C(static NOINLINE void start(int m, int n, const real *c, int down, int along, real *RESTRICT y) {
-            for (int i = 0; i < m; i++)
-                for (int j = 0; j < n; j++) y[i * n + j] = c == NULL ? REAL(0.0) : c[i * down + j * along];
-        })};
-
-static const lg_c_fragment c_products[] = {
-    [NN] = {.comment = "y (m, n) += a (m, k) b (k, n)",
-            .text = LG_C(
-                static NOINLINE void matmul_nn(int m, int n, int k, const real *a, const real *b, real *y) {
-                    for (int i = 0; i < m; i++) dense_add(k, n, b, a + i * k, y + i * n);
-                }),
-            .needs = {&lg_c_dense_add}},
-    [NT] = {.comment = "y (m, n) += a (m, k) times the transpose of b (n, k)",
-            .text = LG_C(static NOINLINE void matmul_nt(int m, int n, int k, const real *RESTRICT a,
-                                                        const real *RESTRICT b, real *RESTRICT y) {
-                for (int i = 0; i < m; i++)
-                    if (k == 1)
-                        for (int j = 0; j < n; j++) y[i * n + j] += a[i] * b[j];
-                    else
-                        for (int j = 0; j < n; j++) y[i * n + j] += dot(k, b + j * k, a + i * k);
-            }),
-            .needs = {&lg_c_dot}},
-    [TN] = {.comment = "y (m, n) += the transpose of a (k, m) times b (k, n)",
-            .text = LG_C(static NOINLINE void matmul_tn(int m, int n, int k, const real *RESTRICT a,
-                                                        const real *RESTRICT b, real *RESTRICT y) {
-                if (n == 1) {
-                    dense_add(k, m, a, b, y);
-                    return;
-                }
-                for (int i = 0; i < m; i++, a++, y += n) {
-                    const real *RESTRICT x = a, *RESTRICT w = b;
-                    int l = 0;
-                    for (; l + 4 <= k; l += 4, x += 4 * m, w += 4 * n)
-                        for (int j = 0; j < n; j++)
-                            y[j] += (x[0] * w[j] + x[m] * w[n + j]) +
-                                    (x[2 * m] * w[2 * n + j] + x[3 * m] * w[3 * n + j]);
-                    for (; l < k; l++, x += m, w += n)
-                        for (int j = 0; j < n; j++) y[j] += x[0] * w[j];
-                }
-            }),
-            .needs = {&lg_c_dense_add}},
-};
-
 static void matmul_c(lg_c *c, const lg_evaluation *e) {
     static const char *const names[] = {[NN] = "nn", [NT] = "nt", [TN] = "tn"};
     const extent of = extent_at(e);
@@ -198,13 +152,12 @@ static void matmul_c(lg_c *c, const lg_evaluation *e) {
     const size_t rows = of.batch * of.m, added = e->inputs == 3 ? lg_shape_count(*e->in[2]) : 0;
     const size_t step_a = of.batch_a == 1 ? 0 : of.m * of.k, step_b = of.batch_b == 1 ? 0 : of.k * of.n;
     if (!lg_c_lies_over(c, 2))
-        lg_c_call(c, &c_start, "start(%zu, %zu, %s, %zu, %d, $y)", rows, of.n, added > 0 ? "$2" : "NULL",
+        lg_c_call(c, "start(%zu, %zu, %s, %zu, %d, $y)", rows, of.n, added > 0 ? "$2" : "NULL",
                   added == e->count ? of.n : 0, added == e->count || added == of.n);
     if (of.batch == 1)
-        lg_c_call(c, &c_products[variant], "matmul_%s(%zu, %zu, %zu, $0, $1, $y)", names[variant], of.m, of.n,
-                  of.k);
+        lg_c_call(c, "matmul_%s(%zu, %zu, %zu, $0, $1, $y)", names[variant], of.m, of.n, of.k);
     else
-        lg_c_call(c, &c_products[variant],
+        lg_c_call(c,
                   "for (int i = 0; i < %zu; i++) matmul_%s(%zu, %zu, %zu, $0 + i * %zu, $1 + i * %zu, $y + i "
                   "* %zu)",
                   of.batch, names[variant], of.m, of.n, of.k, step_a, step_b, of.m * of.n);

@@ -82,51 +82,20 @@ static lg_status avg_pool1d_adjoint_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-const lg_c_fragment lg_c_pool_mean = {
-    .comment = "y (batch, count, channels): means of the windows of x.",
-    .text = LG_C(
-        static NOINLINE void pool_mean(int batch, conv_windows w, const real *RESTRICT x, real *RESTRICT y) {
-            const int n = w.channels;
-            const real part = REAL(1.0) / (real)w.size;
-            for (int s = 0; s < batch; s++, x += w.length * n)
-                for (int t = 0; t < w.count; t++, y += n) {
-                    for (int i = 0; i < n; i++) y[i] = REAL(0.0);
-                    for (int j = 0; j < w.size; j++)
-                        for (int i = 0; i < n; i++) y[i] += x[(t * w.stride + j) * n + i];
-                    for (int i = 0; i < n; i++) y[i] *= part;
-                }
-        }),
-    .needs = {&lg_c_windows}};
-
-static const lg_c_fragment c_pool_mean_adjoint = {
-    .comment = "x (batch, length, channels), the adjoint of pool_mean: g (batch, count, channels)",
-    .text = LG_C(static NOINLINE void pool_mean_adjoint(int batch, conv_windows w, const real *RESTRICT g,
-                                                        real *RESTRICT x) {
-        const int n = w.channels;
-        const real part = REAL(1.0) / (real)w.size;
-        for (int s = 0; s < batch; s++, x += w.length * n) {
-            for (int i = 0; i < w.length * n; i++) x[i] = REAL(0.0);
-            for (int t = 0; t < w.count; t++, g += n)
-                for (int j = 0; j < w.size; j++)
-                    for (int i = 0; i < n; i++) x[(t * w.stride + j) * n + i] += g[i] * part;
-        }
-    }),
-    .needs = {&lg_c_windows}};
-
 /* Writes a call with the windows of a series of shape x. */
-static void write_call(lg_c *c, const lg_evaluation *e, const lg_shape *x, const lg_c_fragment *function,
-                       const char *name, const char *inputs) {
+static void write_call(lg_c *c, const lg_evaluation *e, const lg_shape *x, const char *function,
+                       const char *inputs) {
     char text[LG_WINDOWS_TEXT];
     const lg_k_windows w = windows_of(x, e->attr);
-    lg_c_call(c, function, "%s(%u, %s, %s, $y)", name, e->shape->dims[0], lg_windows_text(&w, text), inputs);
+    lg_c_call(c, "%s(%u, %s, %s, $y)", function, e->shape->dims[0], lg_windows_text(&w, text), inputs);
 }
 
 static void avg_pool1d_c(lg_c *c, const lg_evaluation *e) {
-    write_call(c, e, e->in[0], &lg_c_pool_mean, "pool_mean", "$0");
+    write_call(c, e, e->in[0], "pool_mean", "$0");
 }
 
 static void avg_pool1d_adjoint_c(lg_c *c, const lg_evaluation *e) {
-    write_call(c, e, e->shape, &c_pool_mean_adjoint, "pool_mean_adjoint", "$0");
+    write_call(c, e, e->shape, "pool_mean_adjoint", "$0");
 }
 
 static void avg_pool1d_vjp(lg_reverse *r) {
@@ -171,42 +140,12 @@ static lg_status pool_place_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-static const lg_c_fragment c_pool_pick = {
-    .comment = "y (batch, count, channels): of each window the number of h where x is largest.",
-    .text = LG_C(
-        static NOINLINE void pool_pick(int batch, conv_windows w, const real *h, const real *x, real *y) {
-            const int n = w.channels;
-            for (int s = 0; s < batch; s++, h += w.length * n, x += w.length * n)
-                for (int t = 0; t < w.count; t++, y += n)
-                    for (int i = 0; i < n; i++) {
-                        const int at = t * w.stride * n + i;
-                        y[i] = h[at + first_maximum(w.size, n, x + at)];
-                    }
-        }),
-    .needs = {&lg_c_windows, &lg_c_first_maximum}};
-
-static const lg_c_fragment c_pool_place = {
-    .comment = "The adjoint of pool_pick in h: g (batch, count, channels) is added where x is largest.",
-    .text = LG_C(
-        static NOINLINE void pool_place(int batch, conv_windows w, const real *g, const real *x, real *y) {
-            const int n = w.channels;
-            for (int s = 0; s < batch; s++, x += w.length * n, y += w.length * n) {
-                for (int i = 0; i < w.length * n; i++) y[i] = REAL(0.0);
-                for (int t = 0; t < w.count; t++, g += n)
-                    for (int i = 0; i < n; i++) {
-                        const int at = t * w.stride * n + i;
-                        y[at + first_maximum(w.size, n, x + at)] += g[i];
-                    }
-            }
-        }),
-    .needs = {&lg_c_windows, &lg_c_first_maximum}};
-
 static void pool_pick_c(lg_c *c, const lg_evaluation *e) {
-    write_call(c, e, e->in[0], &c_pool_pick, "pool_pick", "$0, $1");
+    write_call(c, e, e->in[0], "pool_pick", "$0, $1");
 }
 
 static void pool_place_c(lg_c *c, const lg_evaluation *e) {
-    write_call(c, e, e->shape, &c_pool_place, "pool_place", "$0, $1");
+    write_call(c, e, e->shape, "pool_place", "$0, $1");
 }
 
 static void pool_pick_vjp(lg_reverse *r) {

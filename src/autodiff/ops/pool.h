@@ -14,6 +14,4 @@ bool lg_pool_of(const lg_shape *x, const lg_attr *attr, lg_k_windows *out);
 lg_var lg_record_windows(lg_tape *tape, const lg_op *op, lg_var a, lg_var b, const lg_attr *attr,
                          uint32_t extent);
 
-extern const lg_c_fragment lg_c_pool_mean; /* pool_mean: means of windows */
-
 #endif

@@ -68,54 +68,13 @@ static void reduce_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar
         y[i] = lg_s_sum(s, x[0] + i / inner * length * inner + i % inner, length, inner);
 }
 
-static const lg_c_fragment c_sum_axis = {
-    .comment = "y (outer, inner) = sum over the middle of x (outer, length, inner); eight sums side by side "
-               "where numbers lie in a row.",
-    .text = LG_C(static NOINLINE void sum_axis(int outer, int length, int inner, const real *RESTRICT x,
-                                               real *RESTRICT y) {
-        for (int o = 0; o < outer; o++, x += length * inner, y += inner) {
-            if (inner == 1) {
-                real part[8] = {REAL(0.0), REAL(0.0), REAL(0.0), REAL(0.0),
-                                REAL(0.0), REAL(0.0), REAL(0.0), REAL(0.0)};
-                for (int l = 0; l < length; l++) part[l % 8] += x[l];
-                y[0] =
-                    ((part[0] + part[4]) + (part[2] + part[6])) + ((part[1] + part[5]) + (part[3] + part[7]));
-            } else {
-                for (int i = 0; i < inner; i++) y[i] = REAL(0.0);
-                for (int l = 0; l < length; l++)
-                    for (int i = 0; i < inner; i++) y[i] += x[l * inner + i];
-            }
-        }
-    })};
-
-static const lg_c_fragment c_sum_long = {
-    .comment =
-        "sum_axis with many terms: sums of 64 terms are added with compensation (Kahan), so that rounding "
-        "errors do not grow with their number.",
-    .text = LG_C(static NOINLINE void sum_long(int outer, int length, int inner, const real *RESTRICT x,
-                                               real *RESTRICT y) {
-        for (int o = 0; o < outer; o++, x += length * inner, y += inner)
-            for (int i = 0; i < inner; i++) {
-                real total = REAL(0.0), lost = REAL(0.0);
-                for (int l = 0; l < length;) {
-                    const int end = length - l > 64 ? l + 64 : length;
-                    real term = -lost;
-                    for (; l < end; l++) term += x[l * inner + i];
-                    const real next = total + term;
-                    lost = (next - total) - term;
-                    total = next;
-                }
-                y[i] = total;
-            }
-    })};
-
 static void reduce_c(lg_c *c, const lg_evaluation *e) {
     const uint32_t *size = e->attr->i;
     if (e->k->dtype == LG_F32 && size[1] > 64) {
-        lg_c_call(c, &c_sum_long, "sum_long(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+        lg_c_call(c, "sum_long(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
         return;
     }
-    lg_c_call(c, &c_sum_axis, "sum_axis(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+    lg_c_call(c, "sum_axis(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
 }
 
 static void reduce_vjp(lg_reverse *r) {
@@ -179,18 +138,9 @@ static lg_status repeat_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-static const lg_c_fragment c_repeat = {
-    .comment = "y (outer, length, inner): x (outer, inner), repeated along the middle.",
-    .text = LG_C(static NOINLINE void repeat(int outer, int length, int inner, const real *RESTRICT x,
-                                             real *RESTRICT y) {
-        for (int o = 0; o < outer; o++, x += inner)
-            for (int l = 0; l < length; l++, y += inner)
-                for (int i = 0; i < inner; i++) y[i] = x[i];
-    })};
-
 static void repeat_c(lg_c *c, const lg_evaluation *e) {
     const uint32_t *size = e->attr->i;
-    lg_c_call(c, &c_repeat, "repeat(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+    lg_c_call(c, "repeat(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
 }
 
 static void repeat_vjp(lg_reverse *r) {
@@ -378,44 +328,14 @@ static lg_status argmax_mask_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-const lg_c_fragment lg_c_first_maximum = {
-    .comment =
-        "Where the largest of n numbers so far apart lies: the first of equals; a NaN is larger than all.",
-    .text = LG_C(static int first_maximum(int n, int apart, const real *x) {
-        int best = 0;
-        for (int l = 1; l < n && x[best] == x[best]; l++) {
-            const real next = x[l * apart];
-            if (next > x[best] || next != next) best = l * apart;
-        }
-        return best;
-    })};
-
-static const lg_c_fragment c_max_axis = {
-    .comment = "y (outer, inner): the largest along the middle of x (outer, length, inner).",
-    .text = LG_C(static NOINLINE void max_axis(int outer, int length, int inner, const real *x, real *y) {
-        for (int o = 0; o < outer; o++, x += length * inner, y += inner)
-            for (int i = 0; i < inner; i++) y[i] = x[i + first_maximum(length, inner, x + i)];
-    }),
-    .needs = {&lg_c_first_maximum}};
-
 static void reduce_max_c(lg_c *c, const lg_evaluation *e) {
     const uint32_t *size = e->attr->i;
-    lg_c_call(c, &c_max_axis, "max_axis(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+    lg_c_call(c, "max_axis(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
 }
-
-static const lg_c_fragment c_argmax_mask = {
-    .comment = "y: 1 where x (outer, length, inner) is largest along the middle, else 0.",
-    .text = LG_C(static NOINLINE void argmax_mask(int outer, int length, int inner, const real *x, real *y) {
-        for (int o = 0; o < outer; o++, x += length * inner, y += length * inner) {
-            for (int i = 0; i < length * inner; i++) y[i] = REAL(0.0);
-            for (int i = 0; i < inner; i++) y[i + first_maximum(length, inner, x + i)] = REAL(1.0);
-        }
-    }),
-    .needs = {&lg_c_first_maximum}};
 
 static void argmax_mask_c(lg_c *c, const lg_evaluation *e) {
     const uint32_t *size = e->attr->i;
-    lg_c_call(c, &c_argmax_mask, "argmax_mask(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
+    lg_c_call(c, "argmax_mask(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
 }
 
 const lg_op lg_op_argmax_mask = {

@@ -26,16 +26,8 @@ static lg_status reshape_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-static const lg_c_fragment c_copy_rows = {
-    .comment = "`rows` runs of `run` numbers, so far apart there and here.",
-    .text = LG_C(static NOINLINE void copy_rows(int rows, int run, const real *RESTRICT x, int x_apart,
-                                                real *RESTRICT y, int y_apart) {
-        for (int i = 0; i < rows; i++)
-            for (int j = 0; j < run; j++) y[i * y_apart + j] = x[i * x_apart + j];
-    })};
-
 static void reshape_c(lg_c *c, const lg_evaluation *e) {
-    lg_c_call(c, &c_copy_rows, "copy_rows(1, %zu, $0, 0, $y, 0)", e->count);
+    lg_c_call(c, "copy_rows(1, %zu, $0, 0, $y, 0)", e->count);
 }
 
 static bool reshape_view(const lg_shape *const *in, const lg_attr *attr, size_t *offset) {
@@ -137,8 +129,8 @@ static void slice_c(lg_c *c, const lg_evaluation *e) {
     size_t outer, length, inner;
     lg_around(e->in[0], e->attr->i[0], &outer, &length, &inner);
     const size_t run = e->attr->i[2] * inner;
-    lg_c_call(c, &c_copy_rows, "copy_rows(%zu, %zu, $0 + %zu, %zu, $y, %zu)", outer, run,
-              e->attr->i[1] * inner, length * inner, run);
+    lg_c_call(c, "copy_rows(%zu, %zu, $0 + %zu, %zu, $y, %zu)", outer, run, e->attr->i[1] * inner,
+              length * inner, run);
 }
 
 static void slice_vjp(lg_reverse *r) {
@@ -216,17 +208,13 @@ static void pad_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *c
     }
 }
 
-static const lg_c_fragment c_clear = {.text = LG_C(static NOINLINE void clear(int n, real *y) {
-                                          for (int i = 0; i < n; i++) y[i] = REAL(0.0);
-                                      })};
-
 static void pad_c(lg_c *c, const lg_evaluation *e) {
     size_t outer, length, inner;
     lg_around(e->in[0], e->attr->i[0], &outer, &length, &inner);
     const size_t run = length * inner, whole = run + (e->attr->i[1] + (size_t)e->attr->i[2]) * inner;
-    lg_c_call(c, &c_clear, "clear(%zu, $y)", e->count);
-    lg_c_call(c, &c_copy_rows, "copy_rows(%zu, %zu, $0, %zu, $y + %zu, %zu)", outer, run, run,
-              e->attr->i[1] * inner, whole);
+    lg_c_call(c, "clear(%zu, $y)", e->count);
+    lg_c_call(c, "copy_rows(%zu, %zu, $0, %zu, $y + %zu, %zu)", outer, run, run, e->attr->i[1] * inner,
+              whole);
 }
 
 static void pad_vjp(lg_reverse *r) {
@@ -291,8 +279,7 @@ static void concat_c(lg_c *c, const lg_evaluation *e) {
     lg_around(e->shape, e->attr->i[0], &outer, &whole, &inner);
     for (uint32_t p = 0; p < e->inputs; p++) {
         const size_t run = e->in[p]->dims[e->attr->i[0]] * inner;
-        lg_c_call(c, &c_copy_rows, "copy_rows(%zu, %zu, $%u, %zu, $y + %zu, %zu)", outer, run, p, run, at,
-                  whole * inner);
+        lg_c_call(c, "copy_rows(%zu, %zu, $%u, %zu, $y + %zu, %zu)", outer, run, p, run, at, whole * inner);
         at += run;
     }
 }
@@ -394,16 +381,6 @@ static lg_status permute_forward(lg_evaluation *e) {
     return LG_OK;
 }
 
-static const lg_c_fragment c_permute = {
-    .comment = "y (d0, d1, d2, d3), in order, from x with these distances along each axis.",
-    .text = LG_C(static NOINLINE void permute(int d0, int d1, int d2, int d3, int s0, int s1, int s2, int s3,
-                                              const real *RESTRICT x, real *RESTRICT y) {
-        for (int a = 0; a < d0; a++)
-            for (int b = 0; b < d1; b++)
-                for (int c = 0; c < d2; c++, y += d3)
-                    for (int d = 0; d < d3; d++) y[d] = x[a * s0 + b * s1 + c * s2 + d * s3];
-    })};
-
 static void permute_c(lg_c *c, const lg_evaluation *e) {
     const uint32_t rank = e->shape->rank, before = LG_MAX_RANK - rank;
     size_t stride[LG_MAX_RANK], dims[LG_MAX_RANK] = {1, 1, 1, 1}, step[LG_MAX_RANK] = {0, 0, 0, 0}, run = 1;
@@ -412,8 +389,8 @@ static void permute_c(lg_c *c, const lg_evaluation *e) {
         dims[before + i] = e->shape->dims[i];
         step[before + i] = stride[e->attr->i[i]];
     }
-    lg_c_call(c, &c_permute, "permute(%zu, %zu, %zu, %zu, %zu, %zu, %zu, %zu, $0, $y)", dims[0], dims[1],
-              dims[2], dims[3], step[0], step[1], step[2], step[3]);
+    lg_c_call(c, "permute(%zu, %zu, %zu, %zu, %zu, %zu, %zu, %zu, $0, $y)", dims[0], dims[1], dims[2],
+              dims[3], step[0], step[1], step[2], step[3]);
 }
 
 static void inverse_axes(const lg_attr *attr, uint32_t rank, int *axes) {

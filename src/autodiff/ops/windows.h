@@ -5,8 +5,6 @@
 #include "autodiff/ops/op_c.h"
 #include "kernels/kernels.h"
 
-extern const lg_c_fragment lg_c_windows; /* defines the type conv_windows */
-
 /* Writes a C expression that constructs these windows. */
 enum { LG_WINDOWS_TEXT = 160 };
 const char *lg_windows_text(const lg_k_windows *windows, char text[LG_WINDOWS_TEXT]);

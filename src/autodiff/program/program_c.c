@@ -220,9 +220,10 @@ static void write_all(writing *w) {
         return;
     }
     lg_text_add(&w->sizes, "typedef %s %s_real;\n\n", c->dtype == LG_F32 ? "float" : "double", c->name);
-    lg_text_add_named(&c->code, c->name, lg_c_text_of("prelude"));
-    lg_text_add(&c->code, "%s", lg_c_text_of(c->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
-    lg_text_add(&c->code, "\n%s", lg_c_text_of("noinline"));
+    lg_text_add_named(&c->code, c->name, lg_named_text_of(lg_c_texts, "prelude"));
+    lg_text_add(&c->code, "%s",
+                lg_named_text_of(lg_c_texts, c->dtype == LG_F32 ? "prelude_f32" : "prelude_f64"));
+    lg_text_add(&c->code, "\n%s", lg_named_text_of(lg_c_texts, "noinline"));
     for (size_t i = 0; i < count && lg_c_good(c); i++) {
         const size_t index = o->function_count > 0 ? o->functions[i] : i;
         if (index >= c->program->functions)

@@ -43,8 +43,8 @@ struct lg_c {
     lg_dtype dtype;
     lg_status status;
     lg_error *error;
-    lg_text code;                   /* fragments and functions written so far */
-    const lg_c_fragment **fragment; /* the fragments that `code` contains */
+    lg_text code;          /* fragments and functions written so far */
+    const char **fragment; /* texts of the fragments that `code` contains */
     size_t fragments, fragment_capacity;
     lg_c_function *function;
     size_t functions, function_capacity;
@@ -83,7 +83,11 @@ bool lg_c_room(lg_c *c, void **array, size_t *capacity, size_t needed, size_t si
 void lg_c_add_line(lg_text *to, int depth, const char *line, size_t length);
 /* Appends `text` with every @ replaced by `name`. */
 void lg_c_add_definition(lg_text *to, const char *text, const char *name);
-void lg_c_need(lg_c *c, const lg_c_fragment *fragment);
+/* Writes a fragment and those that it needs, each once. Nothing if there is no fragment of this name, or of
+ * this name followed by _f64 or _f32, the type of the numbers. lg_c_need_called: all fragments whose
+ * functions the code calls. */
+void lg_c_need(lg_c *c, const char *fragment);
+void lg_c_need_called(lg_c *c, const char *code);
 /* Defines a static function with this text (@ stands for its name), unless an equal one exists, and returns
  * its name. The name begins with `title`. NULL on failure. */
 const char *lg_c_define(lg_c *c, const char *title, const char *text);

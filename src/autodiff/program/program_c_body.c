@@ -33,17 +33,6 @@ static void write_tensor(lg_c *c, const lg_tensor_step *s) {
                         c->frame->plan->name, op->name);
 }
 
-static const lg_c_fragment c_dense_rows = {
-    .comment = "y (m, n) = x (m, k) w (k, n) + b (n; or NULL)",
-    .text = LG_C(static NOINLINE void dense_rows(int m, int n, int k, const real *x, const real *w,
-                                                 const real *b, real *y) {
-        for (int i = 0; i < m; i++, x += k, y += n) {
-            for (int j = 0; j < n; j++) y[j] = b == NULL ? REAL(0.0) : b[j];
-            dense_add(k, n, w, x, y);
-        }
-    }),
-    .needs = {&lg_c_dense_add}};
-
 static void write_dense(lg_c *c, const lg_dense_step *s) {
     const lg_attr kind = {.i = {(uint32_t)s->kind}};
     const lg_place places[3] = {s->x, s->w, s->b};
@@ -51,27 +40,19 @@ static void write_dense(lg_c *c, const lg_dense_step *s) {
     c->step = &step;
     lg_c_use(c, s->y, s->m * s->n);
     if (!fits_int(c, s->m * s->n, "a layer") || !fits_int(c, s->k * s->n, "a layer")) return;
-    lg_c_call(c, &c_dense_rows, "dense_rows(%zu, %zu, %zu, $0, $1, %s, $y)", s->m, s->n, s->k,
+    lg_c_call(c, "dense_rows(%zu, %zu, %zu, $0, $1, %s, $y)", s->m, s->n, s->k,
               s->b.area == LG_AREA_NONE ? "NULL" : "$2");
     if (s->kind != LG_IDENTITY)
-        lg_c_call(c, NULL, "%s(%zu, $y)", lg_c_map(c, &lg_op_act, &kind, 1, 1), s->m * s->n);
+        lg_c_call(c, "%s(%zu, $y)", lg_c_map(c, &lg_op_act, &kind, 1, 1), s->m * s->n);
     c->step = NULL;
 }
-
-/* NOINLINE is needed: if gcc 12 inlines the function, it concludes from the test that a caller's array may be
- * NULL and warns (-Warray-bounds) about copies that never happen. */
-static const lg_c_fragment c_copy = {.comment = "y may be NULL: an output that nobody wants",
-                                     .text = LG_C(static NOINLINE void copy(int n, const real *x, real *y) {
-                                         if (y == NULL) return;
-                                         for (int i = 0; i < n; i++) y[i] = x[i];
-                                     })};
 
 static void write_copy(lg_c *c, const lg_copy_step *s) {
     lg_place places[1] = {s->x};
     const lg_tensor_step step = {.inputs = 1, .x = places, .y = s->y};
     c->step = &step;
     lg_c_use(c, s->y, s->count);
-    if (fits_int(c, s->count, "an output")) lg_c_call(c, &c_copy, "copy(%zu, $0, $y)", s->count);
+    if (fits_int(c, s->count, "an output")) lg_c_call(c, "copy(%zu, $0, $y)", s->count);
     c->step = NULL;
 }
 
@@ -127,7 +108,7 @@ static void add_loop_path(lg_c *c, const lg_call_step *s, size_t k) {
     lg_text *body = &c->frame->body;
     const size_t j = s->path[k], y = s->callee->outputs + k, count = s->callee->output_count[j];
     if (!fits_int(c, count * s->times, "a path")) return;
-    lg_c_need(c, &c_copy);
+    lg_c_need(c, "copy");
     lg_text_add(body, "        copy(%zu, ", count);
     add_loop_output(c, s, j);
     lg_text_add(body, ", y%zu == NULL ? NULL : y%zu + i * %zu);\n", y, y, count);
@@ -183,8 +164,6 @@ static void write_steps(lg_c *c, const lg_plan *plan) {
 
 /* ---- functions ---- */
 
-static const lg_c_fragment c_unfit = {.file = {"unfit", "unfit"}};
-
 /* Writes the first statements of a function: unused arguments are marked, and outputs that the caller does
  * not want get their place in the work memory. In a loop, the callee does the latter. */
 static void add_head(const lg_plan *plan, const char *body, lg_text *to, lg_c *c) {
@@ -207,7 +186,7 @@ static void add_head(const lg_plan *plan, const char *body, lg_text *to, lg_c *c
  * want have a place in the work memory, so they need no test for NULL. */
 static void add_marks(lg_c *c, const lg_plan *plan, bool placed) {
     if (!plan->mark_unfit) return;
-    lg_c_need(c, &c_unfit);
+    lg_c_need(c, "mark_unfit");
     for (size_t i = 0; i < plan->inputs; i++)
         for (size_t j = 0; j < plan->outputs; j++) {
             if (!placed || plan->spill[j] == LG_NO_SPILL)

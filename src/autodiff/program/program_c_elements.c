@@ -144,7 +144,7 @@ static void add_call(lg_c *c, const lg_op *op, const char *name, const lg_evalua
     for (uint32_t k = 0; k < e->inputs; k++)
         if (is_argument(op, e->attr, e->inputs, over, k)) lg_text_add(&call, "$%u, ", k);
     lg_text_add(&call, "$y)");
-    if (lg_c_takes(c, &call)) lg_c_call(c, NULL, "%s", call.data);
+    if (lg_c_takes(c, &call)) lg_c_call(c, "%s", call.data);
     lg_text_destroy(&call);
 }
 

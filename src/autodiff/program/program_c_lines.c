@@ -14,40 +14,30 @@ size_t lg_c_frame_of(const lg_text *lines) {
     return 512 + 16 * locals;
 }
 
-/* ---- fragments ---- */
-
-static const lg_c_fragment c_exp = {.file = {"exp_double", "exp_float"}};
-static const lg_c_fragment c_tanh = {.file = {"tanh", "tanh"}, .needs = {&c_exp}};
-static const lg_c_fragment c_sigmoid = {.file = {"sigmoid", "sigmoid"}, .needs = {&c_exp}};
-static const lg_c_fragment c_larger = {
-    .comment = "NaN where one of them is.",
-    .text = LG_C(static real larger(real a, real b) { return a != a || a >= b ? a : b; })};
+/* ---- expressions ---- */
 
 /* a, b and c stand for operands, p and n for the instruction's constants. */
-static const struct {
-    const char *text;
-    const lg_c_fragment *needs;
-} expressions[LG_SCALAR_OPS] = {
-    [LG_S_ADD] = {"a + b", NULL},
-    [LG_S_SUB] = {"a - b", NULL},
-    [LG_S_MUL] = {"a * b", NULL},
-    [LG_S_DIV] = {"a / b", NULL},
-    [LG_S_NEG] = {"-a", NULL},
-    [LG_S_MAX] = {"larger(a, b)", &c_larger},
-    [LG_S_GE] = {"a >= b ? REAL(1.0) : REAL(0.0)", NULL},
-    [LG_S_SELECT] = {"a != REAL(0.0) ? b : c", NULL},
-    [LG_S_SQRT] = {"SQRT(a)", NULL},
-    [LG_S_ABS] = {"FABS(a)", NULL},
-    [LG_S_SIGN] = {"a >= REAL(0.0) ? REAL(1.0) : a < REAL(0.0) ? REAL(-1.0) : a", NULL},
-    [LG_S_POW] = {"POW(a, p)", NULL},
-    [LG_S_EXP] = {"EXP(a)", NULL},
-    [LG_S_LOG] = {"LOG(a)", NULL},
-    [LG_S_SIN] = {"SIN(a)", NULL},
-    [LG_S_COS] = {"COS(a)", NULL},
-    [LG_S_TANH] = {"tanh_of(a)", &c_tanh},
-    [LG_S_SIGMOID] = {"sigmoid_of(a)", &c_sigmoid},
-    [LG_S_ATAN2] = {"ATAN2(a, b)", NULL},
-    [LG_S_DEXPINV] = {"dexpinv_coef(a, n)", &lg_c_dexpinv},
+static const char *const expressions[LG_SCALAR_OPS] = {
+    [LG_S_ADD] = "a + b",
+    [LG_S_SUB] = "a - b",
+    [LG_S_MUL] = "a * b",
+    [LG_S_DIV] = "a / b",
+    [LG_S_NEG] = "-a",
+    [LG_S_MAX] = "larger(a, b)",
+    [LG_S_GE] = "a >= b ? REAL(1.0) : REAL(0.0)",
+    [LG_S_SELECT] = "a != REAL(0.0) ? b : c",
+    [LG_S_SQRT] = "SQRT(a)",
+    [LG_S_ABS] = "FABS(a)",
+    [LG_S_SIGN] = "a >= REAL(0.0) ? REAL(1.0) : a < REAL(0.0) ? REAL(-1.0) : a",
+    [LG_S_POW] = "POW(a, p)",
+    [LG_S_EXP] = "EXP(a)",
+    [LG_S_LOG] = "LOG(a)",
+    [LG_S_SIN] = "SIN(a)",
+    [LG_S_COS] = "COS(a)",
+    [LG_S_TANH] = "tanh_of(a)",
+    [LG_S_SIGMOID] = "sigmoid_of(a)",
+    [LG_S_ATAN2] = "ATAN2(a, b)",
+    [LG_S_DEXPINV] = "dexpinv_coef(a, n)",
 };
 
 /* Powers that are written without a call of POW. */
@@ -63,7 +53,7 @@ static const struct {
 static const char *expression_of(const lg_scalar_code *code) {
     for (size_t i = 0; code->op == LG_S_POW && i < LG_COUNT(powers); i++)
         if (code->p == powers[i].exponent) return powers[i].text;
-    return expressions[code->op].text;
+    return expressions[code->op];
 }
 
 /* ---- sorting the instructions by the results that need them ---- */
@@ -242,11 +232,11 @@ static void add_line(lg_c_graph *g, lg_text *to, const char *indent, const lg_c_
     for (uint8_t k = 0; k < lg_scalar_instructions(code->op); k++)
         add_loads(g, to, indent, e, block, code->in[k], slots_at);
     if (code->op == LG_S_STUMPFF) {
-        lg_c_need(g->c, &lg_c_stumpff);
+        lg_c_need(g->c, "stumpff_row");
         add_stumpff(g, to, indent, i);
         return;
     }
-    if (expressions[code->op].needs != NULL) lg_c_need(g->c, expressions[code->op].needs);
+    lg_c_need_called(g->c, expressions[code->op]);
     lg_text_add(to, "%sconst real v%u = ", indent, i);
     add_expression(g, to, code);
     lg_text_add(to, ";\n");

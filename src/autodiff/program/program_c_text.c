@@ -48,7 +48,7 @@ bool lg_c_room(lg_c *c, void **array, size_t *capacity, size_t needed, size_t si
 #define ROOM(c, array, capacity, needed)                                                                     \
     lg_c_room(c, (void **)&(c)->array, &(c)->capacity, needed, sizeof *(c)->array)
 
-/* ---- lines of C from tokens ---- */
+/* ---- lines of C ---- */
 
 static bool starts(const char *s, const char *word) {
     return strncmp(s, word, strlen(word)) == 0;
@@ -77,47 +77,6 @@ void lg_c_add_line(lg_text *to, int depth, const char *line, size_t length) {
         while (length > 0 && line[0] == ' ') line++, length--;
         extra = 8;
     }
-}
-
-static bool is_head(const char *line) {
-    line += strspn(line, " ");
-    if (starts(line, "else ")) line += 5;
-    return starts(line, "for (") || starts(line, "if (") || starts(line, "while (");
-}
-
-/* Writes stringized tokens as lines. A new line begins after {, } and ; outside of parentheses and of
- * initialiser lists, and after the head of a loop or branch. */
-static void add_tokens(lg_text *to, const char *text) {
-    /* `hanging`: extra indentation of a statement under heads without braces. `branch`: the indentation of
-     * the last `if`. */
-    int depth = 0, inside = 0, list = 0, hanging = 0, branch = 0;
-    const char *line = text;
-    for (const char *s = text; *s != '\0'; s++) {
-        const char *next = s + 1 + strspn(s + 1, " ");
-        if (*s == '(' || *s == '[') inside++;
-        if (*s == ')' || *s == ']') inside--;
-        if (*s == '{' && s > text + 1 && (s[-1] == '=' || s[-2] == '=')) list++;
-        if (inside > 0) continue;
-        const bool head = *s == ')' && *next != '{' && is_head(line);
-        const bool otherwise = starts(line + strspn(line, " "), "else ") && s[1] == ' ' &&
-                               starts(s - 3, "else") && !starts(next, "if") && *next != '{';
-        if (!head && !otherwise && *s != '{' && *s != '}' && *s != ';') continue;
-        if (list > 0) {
-            list -= *s == '}';
-            continue;
-        }
-        if (*s == '}' && depth > 0) depth--;
-        if (*s == '}' && (starts(next, "else") || (depth == 0 && *next != '\0' && !starts(next, "static"))))
-            /* The line continues after "} else {" and "} name;". */
-            continue;
-        lg_c_add_line(to, depth + hanging, line, (size_t)(s + 1 - line));
-        if (head && strstr(line, "if (") != NULL && strstr(line, "if (") < s) branch = hanging;
-        hanging = head || otherwise ? hanging + 1 : starts(next, "else") && *s == ';' ? branch : 0;
-        if (*s == '{') depth++;
-        if (depth == 0 && *s == '}' && *next != '\0') lg_text_add(to, "\n");
-        line = s + 1;
-    }
-    lg_c_add_line(to, depth, line, strlen(line));
 }
 
 /* ---- fragments and functions ---- */
@@ -149,38 +108,93 @@ static void check_name(lg_c *c, const char *text) {
                             c->name);
 }
 
-static const char *text_of(const lg_c *c, const lg_c_fragment *fragment) {
-    if (fragment->text != NULL) return fragment->text;
-    return lg_c_text_of(fragment->file[c->dtype == LG_F32 ? 1 : 0]);
+/* What fragments need besides themselves, in the order in which it is written. */
+enum { MOST_NEEDS = 4 };
+static const struct {
+    const char *name, *needs[MOST_NEEDS + 1];
+} needs[] = {{"argmax_mask", {"first_maximum"}},
+             {"conv1d", {"window_rows", "whole_windows", "conv_tiles", "dense_add"}},
+             {"conv1d_input", {"window_rows", "whole_windows", "conv_back", "dot"}},
+             {"conv1d_weight", {"window_rows"}},
+             {"conv_back", {"conv_panel_add"}},
+             {"conv_panel", {"conv_tile"}},
+             {"conv_panel_add", {"conv_panel"}},
+             {"conv_tiles", {"conv_tile"}},
+             {"dense_add", {"dot"}},
+             {"dense_rows", {"dense_add"}},
+             {"matmul_nn", {"dense_add"}},
+             {"matmul_nt", {"dot"}},
+             {"matmul_tn", {"dense_add"}},
+             {"max_axis", {"first_maximum"}},
+             {"pool_mean", {"windows"}},
+             {"pool_mean_adjoint", {"windows"}},
+             {"pool_pick", {"windows", "first_maximum"}},
+             {"pool_place", {"windows", "first_maximum"}},
+             {"rowdot", {"dot"}},
+             {"se3_act", {"so3", "so3_coefficients"}},
+             {"se3_dexpinv", {"vectors", "dexpinv_coef"}},
+             {"sigmoid_of", {"exp"}},
+             {"so3", {"vectors"}},
+             {"so3_dexp", {"so3", "so3_coefficients"}},
+             {"so3_dexpinv", {"so3", "dexpinv_coef"}},
+             {"so3_exp", {"so3", "so3_coefficients"}},
+             {"stumpff", {"stumpff_series"}},
+             {"stumpff_row", {"stumpff"}},
+             {"stumpff_rows", {"stumpff_row"}},
+             {"stumpff_series", {"inverse_factorial"}},
+             {"tanh_of", {"exp"}},
+             {"whole_windows", {"windows"}},
+             {"window_rows", {"windows"}}};
+
+/* The fragments that this one needs, ended by NULL. */
+static const char *const *needs_of(const char *fragment) {
+    static const char *const none[] = {NULL};
+    for (size_t i = 0; i < LG_COUNT(needs); i++)
+        if (strcmp(needs[i].name, fragment) == 0) return needs[i].needs;
+    return none;
+}
+
+static const char *text_of(const lg_c *c, const char *fragment) {
+    char own[64];
+    const char *text = lg_named_text_of(lg_c_texts, fragment);
+    if (text != NULL) return text;
+    (void)snprintf(own, sizeof own, "%s_%s", fragment, c->dtype == LG_F32 ? "f32" : "f64");
+    return lg_named_text_of(lg_c_texts, own);
 }
 
 /* Largest number of nested calls from this fragment down to fragments that need no others. */
-static size_t chain_of(const lg_c *c, const lg_c_fragment *fragment) {
+static size_t chain_of(const lg_c *c, const char *fragment) {
     size_t below = 0;
-    for (size_t i = 0; i < LG_C_NEEDS && fragment->needs[i] != NULL; i++) {
-        const size_t chain = chain_of(c, fragment->needs[i]);
+    for (const char *const *need = needs_of(fragment); *need != NULL; need++) {
+        const size_t chain = chain_of(c, *need);
         if (chain > below) below = chain;
     }
     return functions_in(text_of(c, fragment)) + below;
 }
 
-void lg_c_need(lg_c *c, const lg_c_fragment *fragment) {
-    if (c->status != LG_OK) return;
-    for (size_t i = 0; i < c->fragments; i++)
-        if (c->fragment[i] == fragment) return;
-    for (size_t i = 0; i < LG_C_NEEDS && fragment->needs[i] != NULL; i++) lg_c_need(c, fragment->needs[i]);
-    if (!ROOM(c, fragment, fragment_capacity, c->fragments + 1)) return;
-    c->fragment[c->fragments++] = fragment;
+void lg_c_need(lg_c *c, const char *fragment) {
     const char *text = text_of(c, fragment);
+    if (text == NULL || c->status != LG_OK) return;
+    for (size_t i = 0; i < c->fragments; i++)
+        if (c->fragment[i] == text) return;
+    for (const char *const *need = needs_of(fragment); *need != NULL; need++) lg_c_need(c, *need);
+    if (!ROOM(c, fragment, fragment_capacity, c->fragments + 1)) return;
+    c->fragment[c->fragments++] = text;
     const size_t chain = chain_of(c, fragment);
     if (chain > c->most_chain) c->most_chain = chain;
     check_name(c, text);
     lg_text_add(&c->code, "\n");
-    if (fragment->comment != NULL) lg_text_add(&c->code, "/* %s */\n", fragment->comment);
-    if (fragment->text != NULL)
-        add_tokens(&c->code, text);
-    else
-        lg_text_add_named(&c->code, c->name, text);
+    lg_text_add_named(&c->code, c->name, text);
+}
+
+void lg_c_need_called(lg_c *c, const char *code) {
+    for (const char *end = code; (end = strchr(end, '(')) != NULL; end++) {
+        char name[64];
+        const char *begin = end;
+        while (begin > code && lg_in_word(begin[-1])) begin--;
+        (void)snprintf(name, sizeof name, "%.*s", (int)(end - begin), begin);
+        lg_c_need(c, name);
+    }
 }
 
 void lg_c_add_definition(lg_text *to, const char *text, const char *name) {
@@ -366,10 +380,9 @@ static const char *skip_zero(const char *s) {
     return starts(s, " + 0") && (s[4] == ',' || s[4] == ')') ? s + 4 : s;
 }
 
-void lg_c_call(lg_c *c, const lg_c_fragment *fragment, const char *format, ...) {
+void lg_c_call(lg_c *c, const char *format, ...) {
     char call[1024], *long_call = NULL;
     va_list arguments, again;
-    if (fragment != NULL) lg_c_need(c, fragment);
     if (!lg_c_good(c)) return;
     va_start(arguments, format);
     va_copy(again, arguments);
@@ -385,6 +398,7 @@ void lg_c_call(lg_c *c, const lg_c_fragment *fragment, const char *format, ...) 
     va_end(again);
     lg_text *body = &c->frame->body;
     lg_text line = {.context = c->context};
+    lg_c_need_called(c, long_call != NULL ? long_call : call);
     for (const char *s = long_call != NULL ? long_call : call; *s != '\0';) {
         if (*s == '$') {
             s += 1 + add_memory(c, &line, s + 1);

@@ -40,7 +40,7 @@ static void write_c(lg_c *c, const lg_evaluation *e) {
     for (size_t j = 0; j < plan->outputs; j++) lg_text_add(&call, j == e->attr->i[1] ? "$y, " : "NULL, ");
     lg_text_add(&call, "$s)");
     lg_c_scratch(c, work);
-    if (lg_c_takes(c, &call)) lg_c_call(c, NULL, "%s", call.data);
+    if (lg_c_takes(c, &call)) lg_c_call(c, "%s", call.data);
     lg_text_destroy(&call);
 }
 

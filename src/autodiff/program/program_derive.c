@@ -122,13 +122,11 @@ static lg_status record_jacobian(const differentiable *f, lg_tape *tape, const l
     const uint32_t n_in = total(f->in, f->by, f->by_count), n_out = total(f->out, f->of, f->of_count);
     const bool forward = n_in <= n_out;
     const uint32_t copies = forward ? n_in : n_out, rows = lg_var_shape(tape, in[f->by[0]]).dims[0];
-    lg_var tiled[PORTS], y[PORTS], of[PORTS], by[PORTS], unit[PORTS], derivative[PORTS];
+    lg_var tiled[PORTS], of[PORTS], by[PORTS], unit[PORTS], derivative[PORTS];
     for (size_t i = 0; i < f->inputs; i++)
         tiled[i] = f->in[i].shared ? in[i] : lg_record_copies(tape, in[i], copies);
     LG_TRY(lg_tape_status(tape));
-    LG_TRY(f->record(f, tape, parameters, tiled, y));
-    for (size_t j = 0; j < f->of_count; j++) of[j] = y[f->of[j]];
-    for (size_t i = 0; i < f->by_count; i++) by[i] = tiled[f->by[i]];
+    LG_TRY(record_ends(f, tape, parameters, tiled, of, by));
     if (forward) {
         unit_vectors(tape, f->in, f->by, f->by_count, rows, copies, unit);
         LG_TRY(lg_jvp(tape, of, f->of_count, by, unit, f->by_count, derivative));

@@ -105,59 +105,15 @@ bool lg_s_is_constant(const lg_scalars *s, lg_scalar a, double *value) {
     return true;
 }
 
-/* Evaluates an operation on constants. Functions of a rotation angle are evaluated in double, as in the
- * kernels. */
+/* Evaluates an operation on constants by the kernel that runs it, which rounds as a plan does. */
 static double carry_out(const lg_scalar_code *c, const double *x) {
-    const double a = x[0], b = x[1];
-    double y = NAN;
-    switch (c->op) {
-    case LG_S_ADD:
-        return a + b;
-    case LG_S_SUB:
-        return a - b;
-    case LG_S_MUL:
-        return a * b;
-    case LG_S_DIV:
-        return a / b;
-    case LG_S_NEG:
-        return -a;
-    case LG_S_MAX:
-        return a != a ? a : b != b ? b : a >= b ? a : b;
-    case LG_S_GE:
-        return a >= b ? 1.0 : 0.0;
-    case LG_S_SQRT:
-        return sqrt(a);
-    case LG_S_ABS:
-        return fabs(a);
-    case LG_S_SIGN:
-        return a >= 0.0 ? 1.0 : a < 0.0 ? -1.0 : a;
-    case LG_S_POW:
-        return pow(a, c->p);
-    case LG_S_EXP:
-        return exp(a);
-    case LG_S_LOG:
-        return log(a);
-    case LG_S_SIN:
-        return sin(a);
-    case LG_S_COS:
-        return cos(a);
-    case LG_S_TANH:
-        return tanh(a);
-    case LG_S_SIGMOID:
-        return 1.0 / (1.0 + exp(-a));
-    case LG_S_ATAN2:
-        return atan2(a, b);
-    case LG_S_STUMPFF: {
-        double all[9];
-        lg_kernels_for(LG_F64)->stumpff(1, (int)(c->n % 16), (int)(c->n / 16), &a, all);
-        return all[c->n % 16];
-    }
-    case LG_S_DEXPINV:
-        lg_kernels_for(LG_F64)->dexpinv_coef(1, (int)c->n, &a, &y);
-        return y;
-    default: /* lg_s_select takes its own */
-        return y;
-    }
+    enum { A, B, EXPONENT, RESULT, REGISTERS };
+    double r[REGISTERS] = {[A] = x[0], [B] = x[1], [EXPONENT] = c->p};
+    const bool numbered = c->op == LG_S_STUMPFF || c->op == LG_S_DEXPINV;
+    const uint32_t operands[] = {A, numbered ? c->n : c->op == LG_S_POW ? EXPONENT : B};
+    const lg_scalar_group group = {.op = c->op, .count = 1, .result = RESULT};
+    lg_kernels_for(LG_F64)->scalars(1, &group, operands, r);
+    return r[RESULT];
 }
 
 /* Operations that round nothing: exact code evaluates them on constants. */

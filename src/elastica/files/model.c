@@ -86,7 +86,7 @@ static const lg_item items[] = {
      .dims = {LG_DIM(lg_surrogate_file, trained_count, "curves"), {.offset = BOUNDARY}},
      .optional = true},
     {.type = LG_ITEM_ARRAY, .offset = offsetof(lg_surrogate_file, modes)},
-    RESULT(train_mse),
+    RESULT(train_mse, .field.meaning = "mean square error of q and v at the nodes"),
     RESULT(test_mse, .optional = true),
     {.type = LG_ITEM_END}};
 

@@ -112,14 +112,18 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
 /* ---- the rest of the file ---- */
 
 #define RESULT(type, name, member, ...) LG_ATTRIBUTE(lg_hamiltonian_file, type, name, member, __VA_ARGS__)
-static const lg_item items[] = {RESULT(REAL, "E1", e1, .known = offsetof(lg_hamiltonian_file, has_e1)),
-                                RESULT(REAL, "E2", e2, .known = offsetof(lg_hamiltonian_file, has_e2)),
-                                /* only people read the test set */
-                                RESULT(U64, "test_trajectories", test.trajectories, .lenient = true),
-                                RESULT(U64, "test_points", test.points, .lenient = true),
-                                RESULT(REAL, "test_t_end", test.t_end, .lenient = true),
-                                RESULT(TEXT, "test_sha256", test.sha256, .lenient = true),
-                                {.type = LG_ITEM_END}};
+static const lg_item items[] = {
+    RESULT(REAL, "E1", e1, .known = offsetof(lg_hamiltonian_file, has_e1),
+           .field.meaning = "mean squared error of the learned flow, integrated accurately from the starts "
+                            "of the test set, over its trajectories, coordinates and points"),
+    RESULT(REAL, "E2", e2, .known = offsetof(lg_hamiltonian_file, has_e2),
+           .field.meaning = "mean |d - mean d|, d = true H - learned H at these starts"),
+    /* only people read the test set */
+    RESULT(U64, "test_trajectories", test.trajectories, .lenient = true),
+    RESULT(U64, "test_points", test.points, .lenient = true),
+    RESULT(REAL, "test_t_end", test.t_end, .lenient = true),
+    RESULT(TEXT, "test_sha256", test.sha256, .lenient = true),
+    {.type = LG_ITEM_END}};
 
 /* A model file has the constraint among its functions; a checkpoint has no functions. */
 static lg_status get_constraint(lg_h5 *h5, void *user, lg_error *error) {

@@ -81,7 +81,7 @@ static lg_status get_arrays(lg_h5 *h5, const lg_item *item, void *file, lg_error
 
 /* ---- attributes ---- */
 
-static bool is_known(const lg_item *item, const void *file) {
+bool lg_item_is_known(const lg_item *item, const void *file) {
     const void *at = (const char *)file + item->field.offset;
     if (item->known != 0 && (!item->optional || !*((const bool *)file + item->known)))
         return *((const bool *)file + item->known);
@@ -91,7 +91,7 @@ static bool is_known(const lg_item *item, const void *file) {
 }
 
 static lg_status put_attribute(lg_h5 *h5, const lg_item *item, void *file, lg_error *error) {
-    if (!is_known(item, file)) return LG_OK;
+    if (!lg_item_is_known(item, file)) return LG_OK;
     LG_TRY(lg_field_check(h5->path, &item->field, file, LG_INVALID_ARGUMENT, error));
     return lg_field_write(h5, &item->field, file, error);
 }
@@ -104,7 +104,7 @@ static lg_status get_attribute(lg_h5 *h5, const lg_item *item, void *file, lg_er
     if (!has) return LG_OK;
     const lg_status status = lg_field_get(h5, &item->field, file, item->lenient ? NULL : error);
     if (!item->lenient) return status;
-    if (status != LG_OK || !is_known(item, file)) memset(at, 0, item->field.size);
+    if (status != LG_OK || !lg_item_is_known(item, file)) memset(at, 0, item->field.size);
     return LG_OK;
 }
 

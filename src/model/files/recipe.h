@@ -121,6 +121,8 @@ typedef struct lg_item {
         .type = LG_ITEM_ATTRIBUTE, .field = LG_FIELD(struct_, "", name_, type_, member, .high = DBL_MAX),    \
         __VA_ARGS__                                                                                          \
     }
+/* Whether the attribute has a known value. */
+bool lg_item_is_known(const lg_item *item, const void *file);
 lg_status lg_items_put(lg_h5 *h5, const lg_recipe *kind, const void *file, lg_error *error);
 lg_status lg_items_get(lg_h5 *h5, const lg_recipe *kind, void *file, lg_error *error);
 void lg_items_release(const lg_context *context, const lg_recipe *kind, void *file);

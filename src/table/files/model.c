@@ -52,17 +52,18 @@ static bool is_regression(const void *run) {
     { .type = LG_ITEM_##type_, .name = name_, .offset = offsetof(lg_table_file, member), __VA_ARGS__ }
 #define INPUTS  .dims = {LG_DIM(lg_table_file, run.model.net.inputs, "columns")}
 #define OUTPUTS .dims = {LG_DIM(lg_table_file, run.model.net.outputs, "columns")}
-static const lg_item items[] = {TABLE(SCALER, "scaler/inputs", inputs, INPUTS),
-                                TABLE(SCALER, "scaler/outputs", outputs, OUTPUTS, .applies = is_regression),
-                                TABLE(ARRAY, "range/low", low, INPUTS, .optional = true),
-                                TABLE(ARRAY, "range/high", high, INPUTS, .optional = true),
-                                {.type = LG_ITEM_ARRAY, .offset = offsetof(lg_table_file, input_name)},
-                                {.type = LG_ITEM_ARRAY, .offset = offsetof(lg_table_file, output_name)},
-                                LG_ATTRIBUTE(lg_table_file, TEXT, "class_column", class_column),
-                                LG_ATTRIBUTE(lg_table_file, REAL, "rmse", rmse),
-                                LG_ATTRIBUTE(lg_table_file, REAL, "accuracy", accuracy),
-                                LG_ATTRIBUTE(lg_table_file, REAL, "f1", f1),
-                                {.type = LG_ITEM_END}};
+static const lg_item items[] = {
+    TABLE(SCALER, "scaler/inputs", inputs, INPUTS),
+    TABLE(SCALER, "scaler/outputs", outputs, OUTPUTS, .applies = is_regression),
+    TABLE(ARRAY, "range/low", low, INPUTS, .optional = true),
+    TABLE(ARRAY, "range/high", high, INPUTS, .optional = true),
+    {.type = LG_ITEM_ARRAY, .offset = offsetof(lg_table_file, input_name)},
+    {.type = LG_ITEM_ARRAY, .offset = offsetof(lg_table_file, output_name)},
+    LG_ATTRIBUTE(lg_table_file, TEXT, "class_column", class_column),
+    LG_ATTRIBUTE(lg_table_file, REAL, "rmse", rmse, .field.meaning = "of the outputs' deviation"),
+    LG_ATTRIBUTE(lg_table_file, REAL, "accuracy", accuracy),
+    LG_ATTRIBUTE(lg_table_file, REAL, "f1", f1),
+    {.type = LG_ITEM_END}};
 
 static lg_status put_names(lg_h5 *h5, const void *user, lg_error *error) {
     const lg_table_file *file = user;

@@ -1,0 +1,6 @@
+/* `rows` runs of `run` numbers, so far apart there and here. */
+static NOINLINE void copy_rows(int rows, int run, const real *RESTRICT x, int x_apart, real *RESTRICT y,
+                               int y_apart) {
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j < run; j++) y[i * y_apart + j] = x[i * x_apart + j];
+}
