@@ -306,11 +306,12 @@ static lg_status read_doubles(lg_h5 *h5, const char *name, const lg_dataset *d, 
     double fill[LG_H5_FILLS];
     LG_TRY(read_part(h5, name, d, type, room, part, whole || checked, out, error));
     if (as == LG_H5_RAW) return LG_OK;
+    const bool negative = type == H5T_NATIVE_INT64; /* the macro calls HDF5 */
     lg_h5_fills(h5, name, fill);
     for (uint64_t i = 0; i < count; i++) {
         uint64_t bits;
         memcpy(&bits, &out[i], sizeof bits);
-        const bool minus = type == H5T_NATIVE_INT64 && bits >> 63 != 0;
+        const bool minus = negative && bits >> 63 != 0;
         const uint64_t magnitude = minus ? ~bits + 1 : bits;
         if (whole) out[i] = minus ? -(double)magnitude : (double)magnitude;
         if (lg_h5_is_fill(fill, out[i]))

@@ -606,7 +606,7 @@ TEST("a constant column and one that --without excludes have no effect: the bits
     /* The header states which rows were learned, and with which options in a form that a shell accepts. */
     cli_expect("lg-export", "two.h5 --out two --name two", 0, "");
     (void)cli_read("two/two.h", header, sizeof header);
-    assert_says(header, ", 48 rows");
+    assert_says(header, "rows 48");
     assert_says(header, "'a,\"rate,kg/s\"'");
     cli_write("ranges.yaml", "ranges:\n  hidden: {integer: [2, 4]}\nfixed: {epochs: 3}\n");
     cli_expect(

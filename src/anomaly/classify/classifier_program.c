@@ -9,8 +9,8 @@
 #include <string.h>
 
 #include "anomaly/classify/classify_internal.h"
-#include "liegrad/ops.h"
 #include "autodiff/program/program.h"
+#include "liegrad/ops.h"
 #include "model/record.h"
 
 /* Rows of SIGN are pairs of classes (i, j): 1 for i, -1 for j. LIVING is 1 for pairs whose classes both have
