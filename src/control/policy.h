@@ -159,7 +159,7 @@ lg_var lg_policy_filled(lg_tape *tape, lg_var x, uint32_t n, double value);
     static void function##_of(const lg_policy *p, lg_tape *tape, const lg_var *theta, const lg_var *in,      \
                               lg_var *out)
 
-/* A function of the program: a row of names of its ports, which policy_program.c explains. A port without
+/* A function of the program: a row of names of its ports, which policy_ports.c explains. A port without
  * numbers is left out. */
 typedef struct lg_policy_function {
     const char *name;

@@ -2,7 +2,7 @@
 #ifndef LG_SETTINGS_H
 #define LG_SETTINGS_H
 
-#include "files/csv.h"
+#include "core/text.h"
 #include "liegrad/settings.h"
 
 /* Sets the field's member of `run` without checks. `values` is one number, `count` numbers of a list, or the
@@ -26,7 +26,7 @@ typedef struct lg_trial_layout {
      * and `high` of a choice are its first and last index. Rows with values outside the ranges, and rows that
      * repeat a trial, are kept here as they are, and written after the trials. The caller destroys the
      * text. */
-    lg_columns others;
+    lg_text others;
     size_t other_rows;
 } lg_trial_layout;
 

@@ -374,7 +374,7 @@ lg_status lg_trials_write(const lg_context *context, const char *path, const lg_
         for (size_t i = 0; i < n; i++) add_cell(&t, search, &columns[i], &trials[k]);
         lg_columns_end(&t);
     }
-    if (search->layout != NULL) lg_text_join(&t.text, &search->layout->others.text);
+    if (search->layout != NULL) lg_text_join(&t.text, &search->layout->others);
     return lg_columns_write(&t, context, path, error);
 }
 
@@ -471,11 +471,13 @@ static lg_status read_cell(const lg_frame *f, size_t row, const lg_search_file *
 
 /* Keeps a row that is none of the trials as it is. */
 static void keep_row(lg_trial_layout *layout, const lg_frame *f, size_t row) {
+    lg_columns to = {.text = layout->others};
     for (size_t i = 0; i < f->texts; i++) {
         const char *cell = f->text[row * f->texts + i];
-        *cell == '\0' ? lg_columns_empty(&layout->others) : lg_columns_text(&layout->others, cell);
+        *cell == '\0' ? lg_columns_empty(&to) : lg_columns_text(&to, cell);
     }
-    lg_columns_end(&layout->others);
+    lg_columns_end(&to);
+    layout->others = to.text;
     layout->other_rows++;
 }
 
