@@ -182,8 +182,12 @@ static void plan(study *self) {
     made->file = &self->file;
     made->setting = self->setting.data;
     self->file.layout = &self->layout;
-    self->layout =
-        (lg_trial_layout){"a study", columns, measure_names, REPORTS, mark, self, {.open = false}, 0};
+    self->layout = (lg_trial_layout){.what = "a study",
+                                     .columns = columns,
+                                     .report_names = measure_names,
+                                     .reports = REPORTS,
+                                     .mark = mark,
+                                     .user = self};
 }
 
 /* ---- one run ---- */
@@ -416,7 +420,7 @@ static void put_study(app_plot *plot, const void *user) {
 static void study_end(study *self) {
     sweep_close(&self->sweep);
     lg_text_destroy(&self->setting);
-    lg_text_destroy(&self->layout.others.text);
+    lg_text_destroy(&self->layout.others);
     lg_grid_destroy(&self->grid);
 }
 
