@@ -10,7 +10,8 @@ static lg_port port_of(const lg_policy *p, const char *name) {
     for (uint32_t l = 0; l < p->inputs; l++)
         far = fmax(far, fmax(fabs(p->task.input[l].low), fabs(p->task.input[l].high)));
     const lg_policy_layout *l = &p->layout;
-    const uint32_t m = p->inputs, references = lg_policy_tracked(&p->task) * (p->layout.velocities > 0 ? 2 : 1);
+    const uint32_t m = p->inputs,
+                   references = lg_policy_tracked(&p->task) * (p->layout.velocities > 0 ? 2 : 1);
     size_t function, count;
     lg_port x = {0}, lagged = {0};
     if (lg_program_find(p->program, "step", &function, NULL) == LG_OK)

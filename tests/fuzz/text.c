@@ -193,11 +193,15 @@ void fuzz_study(const uint8_t *data, size_t size) {
                     .high = 1,
                     .choices = 2,
                     .choice = {"cf4", "euler"}}}}};
-    lg_trial_layout layout = {"a study", columns, reports, LG_COUNT(reports), mark, NULL, {.open = false}, 0};
+    lg_trial_layout layout = {.what = "a study",
+                              .columns = columns,
+                              .report_names = reports,
+                              .reports = LG_COUNT(reports),
+                              .mark = mark};
     lg_search_file file = study;
     file.layout = &layout;
     read_trials(&file, "", data, size);
-    lg_text_destroy(&layout.others.text);
+    lg_text_destroy(&layout.others);
 }
 
 /* ---- tables and logs ---- */
