@@ -22,10 +22,10 @@ typedef struct lg_trial_layout {
      * rejected. Of the trial only the values are known; one that is not in its range may be any number. */
     void (*mark)(void *user, const lg_trial *trial, const char *column, char text[LG_RANGE_NAME]);
     void *user;
-    /* A trial is known by its values. Its number is the point of a grid, of which all values are levels; `low`
-     * and `high` of a choice are its first and last index. Rows with values outside the ranges, and rows that
-     * repeat a trial, are kept here as they are, and written after the trials. The caller destroys the
-     * text. */
+    /* A trial is known by its values. Its number is the point of a grid, of which all values are levels;
+     * `low` and `high` of a choice are its first and last index. Rows with values outside the ranges, and
+     * rows that repeat a trial, are kept here as they are, and written after the trials. The caller destroys
+     * the text. */
     lg_text others;
     size_t other_rows;
 } lg_trial_layout;

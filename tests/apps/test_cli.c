@@ -514,8 +514,8 @@ TEST("runs of a study are known by their settings and seed, wherever their rows 
     cli_json(lg, "study other.yaml --out seed-4.csv --jobs 1", "done 8");
     shell("(cat half-0.csv; sed 1d seed-4.csv) > joined.csv");
     cli_expect(lg, "study grid.yaml --out joined.csv", 3, "joined.csv: line 6: column seed: the row belongs");
-    shell(
-        "awk -F, -v OFS=, 'NR > 1 {$8 = sprintf(\"%%.14E\", $8)} 1' whole.csv > joined.csv"); /* a spreadsheet */
+    /* a spreadsheet rounds seeds */
+    shell("awk -F, -v OFS=, 'NR > 1 {$8 = sprintf(\"%%.14E\", $8)} 1' whole.csv > joined.csv");
     cli_json(lg, "study grid.yaml --out joined.csv", "done 8, new 0");
     shell(
         "sed '2s/,1,\\([0-9]\\{12,\\}\\),/,2,\\1,/' whole.csv > joined.csv && ! cmp -s whole.csv joined.csv");
