@@ -273,8 +273,9 @@ typedef struct export_evaluation {
     size_t ins, outs;
     lg_dtype dtype;
 } export_evaluation;
-/* `most`: lg_plan_options.most_work; 0: its default. Returns the errors of lg_plan_create. */
-lg_status export_evaluation_open(const lg_program *program, size_t function, lg_dtype dtype, double most,
+/* `most`: lg_plan_options.most_work; 0: its default. Returns the errors of lg_program_find and
+ * lg_plan_create. */
+lg_status export_evaluation_open(const lg_program *program, const char *function, lg_dtype dtype, double most,
                                  export_evaluation *e, lg_error *error);
 /* x holds all inputs one behind the other, y all outputs. */
 void export_evaluate(const export_evaluation *e, const double *x, double *y);
@@ -285,8 +286,8 @@ size_t export_draw_port(const lg_port *port, lg_rng *rng, double *x);
  * at `points` inputs and compares the results with double precision. x holds the inputs one behind the other,
  * as numbers of single precision. *out is the largest error over (eps of single precision times depth); it is
  * infinite or NaN where single precision cannot hold the results. */
-lg_status export_amplification(lg_program *program, size_t function, const double *x, size_t points,
-                               size_t depth, double *out, lg_error *error);
+lg_status export_amplification(const lg_program *program, const char *function, const double *x,
+                               size_t points, size_t depth, double *out, lg_error *error);
 
 /* ---- models that are exported without faces (golden vectors included) ---- */
 

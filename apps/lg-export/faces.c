@@ -151,15 +151,14 @@ static bool draw(export_model *m, size_t v) {
 static lg_status add_golden(export_model *m) {
     const bool classes = export_has(m, &export_face_classes);
     const size_t scores = (size_t)m->window.names.classes + 1;
-    size_t function;
     lg_status status = LG_OK;
     lg_rng_seed(&m->rng, m->source->options->seed, m->kind->stream);
     if (m->window.names.channels > 0)
         export_window_golden(m->source, classes ? scores : 0);
     else
         export_golden_make(m->source, export_has(m, &export_face_value));
-    if (classes && lg_program_find(m->program, "probability", &function, NULL) == LG_OK) {
-        LG_TRY(export_evaluation_open(m->program, function, LG_F64, 0, &m->probability, NULL));
+    if (classes) {
+        LG_TRY(export_evaluation_open(m->program, "probability", LG_F64, 0, &m->probability, NULL));
         m->scores = export_golden_further(m->source, scores, "probabilities, class");
     }
     for (size_t v = 0; v < m->source->golden.count; v++)
@@ -188,7 +187,7 @@ static lg_status measure_condition(export_model *m, lg_error *error) {
     memcpy(drawn, golden->x, golden->count * n * sizeof *drawn);
     for (size_t i = golden->count; i < count; i++) m->kind->draw(m, drawn + i * n, i);
     for (size_t f = m->space != NULL; f < LG_COUNT(names) && status == LG_OK; f++) {
-        size_t function, at = 0;
+        size_t at = 0;
         double found = 1.0;
         if (place_of(m, names[f]) == m->count || (f == 1 && kinks)) continue;
         for (size_t i = 0; i < count; i++) {
@@ -196,9 +195,7 @@ static lg_status measure_condition(export_model *m, lg_error *error) {
             for (size_t k = 0; k < m->forces && f > 1; k++) x[at++] = (double)(float)m->input[k];
             if (f == 3) x[at++] = (double)(float)m->h;
         }
-        status = lg_program_find(m->program, names[f], &function, NULL);
-        if (status == LG_OK)
-            status = export_amplification(m->program, function, x, count, m->source->depth, &found, error);
+        status = export_amplification(m->program, names[f], x, count, m->source->depth, &found, error);
         if (m->space == NULL) found = ceil(found);
         if (status == LG_OK && isfinite(found)) m->source->condition = fmax(m->source->condition, found);
     }

@@ -152,11 +152,9 @@ static double golden_step(const export_model *m, const double *field) {
 static lg_status evaluate(const export_model *m, const char *function, const double *from, double *out,
                           size_t stride) {
     const size_t d = m->dim;
-    size_t number;
     export_evaluation e;
     APP_FREE double *row = app_alloc(d + m->forces + 1, sizeof *row);
-    LG_TRY(lg_program_find(m->program, function, &number, NULL));
-    LG_TRY(export_evaluation_open(m->program, number, LG_F64, 0, &e, NULL));
+    LG_TRY(export_evaluation_open(m->program, function, LG_F64, 0, &e, NULL));
     memcpy(row + d, m->input, m->forces * sizeof *row);
     row[d + m->forces] = m->h;
     for (size_t i = 0; i < m->source->golden.count; i++) {

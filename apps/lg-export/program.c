@@ -38,16 +38,18 @@ static size_t draw(const job *j, const lg_port *port, lg_rng *rng, double *x) {
 
 /* ---- results of the library ---- */
 
-lg_status export_evaluation_open(const lg_program *program, size_t function, lg_dtype dtype, double most,
+lg_status export_evaluation_open(const lg_program *program, const char *function, lg_dtype dtype, double most,
                                  export_evaluation *e, lg_error *error) {
     lg_plan_options options;
+    size_t at;
+    LG_TRY(lg_program_find(program, function, &at, error));
     lg_plan_options_init(&options);
     options.dtype = dtype;
     if (most > 0) options.most_work = most;
     *e = (export_evaluation){.dtype = dtype};
-    e->in = lg_program_inputs(program, function, &e->ins);
-    e->out = lg_program_outputs(program, function, &e->outs);
-    const lg_status status = lg_plan_create(program, function, &options, &e->plan, error);
+    e->in = lg_program_inputs(program, at, &e->ins);
+    e->out = lg_program_outputs(program, at, &e->outs);
+    const lg_status status = lg_plan_create(program, at, &options, &e->plan, error);
     if (status == LG_OK) e->work = app_alloc(lg_plan_work_size(e->plan), 1);
     return status;
 }
@@ -99,8 +101,8 @@ static double amplification(const export_evaluation *wide, const export_evaluati
     return worst / ((double)FLT_EPSILON * (double)(depth > 0 ? depth : 1));
 }
 
-lg_status export_amplification(lg_program *program, size_t function, const double *x, size_t points,
-                               size_t depth, double *out, lg_error *error) {
+lg_status export_amplification(const lg_program *program, const char *function, const double *x,
+                               size_t points, size_t depth, double *out, lg_error *error) {
     export_evaluation wide, narrow;
     LG_TRY(export_evaluation_open(program, function, LG_F64, SELF_TEST_WORK, &wide, error));
     const lg_status status =
@@ -155,14 +157,13 @@ static void fill_points(const job *j, const export_evaluation *e, const char *fu
 }
 
 /* Measures the condition of the function; at least 1, rounded up to a whole number. */
-static void find_condition(job *j, const export_evaluation *e, size_t function, size_t depth) {
+static void find_condition(job *j, const export_evaluation *e, const char *function, size_t depth) {
     double found = 1;
     lg_error error = {LG_OK, ""};
     const size_t numbers = CONDITION_POINTS * export_numbers(e->in, e->ins);
     APP_FREE double *x = app_alloc(numbers, sizeof *x),
                     *y = app_alloc(CONDITION_POINTS * export_numbers(e->out, e->outs), sizeof *y);
-    fill_points(j, e, lg_program_function_name(j->program, function), GOLDEN_STREAM + 1, CONDITION_POINTS, x,
-                y);
+    fill_points(j, e, function, GOLDEN_STREAM + 1, CONDITION_POINTS, x, y);
     for (size_t i = 0; i < numbers; i++) x[i] = (double)(float)x[i];
     lg_status status = export_amplification(j->program, function, x, CONDITION_POINTS, depth, &found, &error);
     j->condition = isfinite(found) && found > 1 ? ceil(found) : 1;
@@ -170,7 +171,7 @@ static void find_condition(job *j, const export_evaluation *e, size_t function, 
         status = lg_fail(&error, LG_NOT_FINITE,
                          "%s: function '%s' gives numbers that are not finite in single precision, at random "
                          "points of its inputs: export it with --dtype f64",
-                         j->source->options->file, lg_program_function_name(j->program, function));
+                         j->source->options->file, function);
     app_must_file(j->self, status, &error, j->source->options->file);
 }
 
@@ -215,12 +216,12 @@ static void add_outputs(job *j, const export_evaluation *e, const char *name) {
 
 /* Writes the golden vectors of one function, and adds its row to the table of functions. */
 static void add_function(job *j, size_t index, text *table, size_t *largest) {
-    const size_t function = j->c->function[index], depth = j->c->depth[index] > 0 ? j->c->depth[index] : 1;
+    const size_t depth = j->c->depth[index] > 0 ? j->c->depth[index] : 1;
     const export_options *options = j->source->options;
-    const char *name = lg_program_function_name(j->program, function);
+    const char *name = lg_program_function_name(j->program, j->c->function[index]);
     export_evaluation e;
-    EXPORT_MUST(j, export_evaluation_open(j->program, function, LG_F64, SELF_TEST_WORK, &e, &error));
-    find_condition(j, &e, function, depth);
+    EXPORT_MUST(j, export_evaluation_open(j->program, name, LG_F64, SELF_TEST_WORK, &e, &error));
+    find_condition(j, &e, name, depth);
     const size_t ins = export_numbers(e.in, e.ins), outs = export_numbers(e.out, e.outs),
                  golden = (size_t)options->golden;
     APP_FREE double *x = app_alloc(golden * ins, sizeof *x), *y = app_alloc(golden * outs, sizeof *y);

@@ -274,10 +274,8 @@ static void open_program(classifier_job *j) {
     adjoint.function = "value";
     EXPORT_MUST(j, lg_classifier_program(j->self->context, j->c, &j->program, &error));
     if (j->c->method != LG_METHOD_TREE) EXPORT_MUST(j, lg_program_derive(j->program, &adjoint, &error));
-    for (size_t i = 0, at; i < lg_program_functions(j->program) - 1; i++) {
-        EXPORT_MUST(j, lg_program_find(j->program, names[i], &at, &error));
-        EXPORT_MUST(j, export_evaluation_open(j->program, at, LG_F64, 0, evaluations[i], &error));
-    }
+    for (size_t i = 0; i < lg_program_functions(j->program) - 1; i++)
+        EXPORT_MUST(j, export_evaluation_open(j->program, names[i], LG_F64, 0, evaluations[i], &error));
     j->outputs = lg_plan_output_count(j->value.plan, 0);
     const double eps = export_eps(j->source->options);
     for (size_t i = 0; i < lg_program_parameters(j->program); i++)

@@ -199,7 +199,6 @@ static double condition_of(drawing *d) {
     const classifier_job *j = d->j;
     APP_FREE double *y = app_alloc(j->outputs, sizeof *y), *at = app_alloc(WINDOWS * j->d, sizeof *at);
     double most = 0, decisions = 0, found = 1;
-    size_t value;
     for (size_t w = 0; w < WINDOWS; w++) {
         double grown = 0;
         draw_like_training(d, 1);
@@ -213,8 +212,7 @@ static double condition_of(drawing *d) {
         }
         most = fmax(most, grown);
     }
-    if (lg_program_find(j->program, "value", &value, NULL) == LG_OK)
-        (void)export_amplification(j->program, value, at, WINDOWS, j->source->depth, &found, NULL);
+    (void)export_amplification(j->program, "value", at, WINDOWS, j->source->depth, &found, NULL);
     return fmax(1, fmax(decisions > 0 ? sqrt(most / decisions) : 1, isfinite(found) ? found : 1));
 }
 

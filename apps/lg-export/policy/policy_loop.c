@@ -23,11 +23,9 @@ static void open_loop(const export_policy_job *j, export_loop *l) {
     *l = (export_loop){.job = j};
     l->seen = app_keep(j->given + j->velocities, sizeof *l->seen);
     l->x = app_keep(j->state + j->inputs, sizeof *l->x);
-    for (size_t i = 0, at; i < EVALUATIONS; i++) {
-        EXPORT_MUST(j, lg_program_find(j->program, names[i], &at, &error));
-        EXPORT_MUST(
-            j, export_evaluation_open(j->program, at, i == NARROW ? LG_F32 : LG_F64, 0, &l->e[i], &error));
-    }
+    for (size_t i = 0; i < EVALUATIONS; i++)
+        EXPORT_MUST(j, export_evaluation_open(j->program, names[i], i == NARROW ? LG_F32 : LG_F64, 0,
+                                              &l->e[i], &error));
 }
 
 static void close_loop(export_loop *l) {

@@ -1,5 +1,5 @@
-/* Programs as C, pieces: text made of tokens, fragments and functions that are written once, arrays of
- * numbers, and statements. */
+/* Programs as C, pieces: lines, fragments and functions that are written once, arrays of numbers, and
+ * statements. */
 #include "autodiff/program/program_c.h"
 #include "core/widen.h"
 
