@@ -3,6 +3,7 @@
 
 #include "core/clean.h"
 #include "hamiltonian/internal.h"
+#include "kernels/matrix.h"
 #include "liegrad/ops.h"
 #include "liegrad/taped.h"
 
@@ -37,6 +38,18 @@ static lg_var first_integral(lg_tape *tape, const lg_hamiltonian_problem *proble
     const lg_hamiltonian_vars vars = {.model = problem->model};
     const lg_first_integral *integral = lg_hamiltonian_integral_of(problem);
     return integral->record(integral->user, tape, &vars, y);
+}
+
+/* dG/dy with y divided by its scales; NaN where G is not finite. */
+static lg_var slope(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_var *y) {
+    const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
+    const size_t parts = lg_taped_parts(&space);
+    const lg_var values = first_integral(tape, problem, y);
+    lg_var each[LG_HAMILTONIAN_MAX_PARTS];
+    if (lg_grad(tape, lg_sum(tape, values), y, parts, each) != LG_OK) return LG_NONE;
+    for (size_t i = 0; i < parts; i++)
+        each[i] = lg_hamiltonian_scaled(tape, each[i], problem->model->scales.part[i]);
+    return lg_add(tape, lg_taped_join(tape, &space, each), lg_scale(tape, values, 0.0));
 }
 
 /* Computes the quantity at all points: *out (n, points, *k), which the caller frees. */
@@ -159,4 +172,36 @@ lg_status lg_hamiltonian_integral_changes(const lg_context *context, const lg_ha
     for (size_t j = 1; status == LG_OK && j < m.points; j++) change_at(&m, j, &out[j], &left);
     lg_free(context, m.J);
     return status;
+}
+
+/* The root mean square over the points of the length of `slope`. */
+static lg_status measure_unit(const lg_context *context, const lg_hamiltonian_problem *problem, double *out,
+                              lg_error *error) {
+    const size_t n = problem->trajectories * problem->points;
+    double *slopes = NULL, unit = 0.0;
+    size_t k = 0;
+    const lg_status status = compute(context, problem, slope, &slopes, &k);
+    if (status == LG_OK) unit = lg_matrix_norm(n * k, slopes) / sqrt((double)n);
+    lg_free(context, slopes);
+    if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
+    if (!isfinite(unit) || unit == 0.0)
+        return lg_fail(error, LG_NOT_FINITE, "%s: %s %s points of the data", problem->penalty_integral->name,
+                       problem->penalty_integral->formula,
+                       unit == 0.0 ? "has the slope 0 at all" : "or its derivative is not finite at some");
+    *out = unit;
+    return LG_OK;
+}
+
+lg_status lg_hamiltonian_integral_unit(const lg_context *context, const lg_hamiltonian_problem *problem,
+                                       double *out, lg_error *error) {
+    LG_NEEDS(error, problem, out);
+    lg_hamiltonian_problem punished = *problem;
+    if (punished.penalty == 0.0) punished.penalty = 1.0;
+    LG_TRY(lg_hamiltonian_problem_check(&punished, error));
+    const lg_first_integral *integral = lg_hamiltonian_integral_of(problem);
+    if (integral->measured) return measure_unit(context, problem, out, error);
+    *out = 1.0;
+    for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
+        *out *= pow(problem->model->scales.part[i], integral->power[i]);
+    return LG_OK;
 }

@@ -3,6 +3,8 @@
 #include <string.h>
 
 #include "core/core.h"
+#include "integrators/stepper.h"
+#include "kernels/matrix.h"
 #include "machine/internal.h"
 
 const char *lg_machine_part_name(lg_machine_part part) {
@@ -234,24 +236,18 @@ static void add_known(const lg_machine *machine, const lg_machine_term *term, do
 }
 
 /* Whether the symmetric part of the matrix has no eigenvalue below `least` times the largest absolute entry.
- * With `least` above 0 the matrix must also be symmetric. Errors: LG_NOT_FINITE, LG_OUT_OF_MEMORY. */
-static lg_status is_definite(uint32_t n, const double *matrix, double least, bool *out) {
+ * With `least` above 0 the matrix must also be symmetric. */
+static bool is_definite(uint32_t n, const double *matrix, double least) {
     static const double rounding = 1e-12;
-    double part[LG_MACHINE_VALUES], values[LG_MACHINE_VELOCITIES], largest = 0.0;
+    double part[LG_MACHINE_VALUES], L[LG_MACHINE_VALUES], largest = 0.0;
     for (uint32_t i = 0; i < n * n; i++) largest = fmax(largest, fabs(matrix[i]));
-    for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = 0; j < n; j++) {
-            part[i * n + j] = (matrix[i * n + j] + matrix[j * n + i]) / 2;
-            if (least > 0.0 && fabs(matrix[i * n + j] - matrix[j * n + i]) > rounding * largest) {
-                *out = false;
-                return LG_OK;
-            }
-        }
-    *out = largest == 0.0 && least <= 0.0;
-    if (largest == 0.0) return LG_OK;
-    LG_TRY(lg_machine_eigen(NULL, n, part, values));
-    *out = values[0] >= least * largest;
-    return LG_OK;
+    if (largest == 0.0) return least <= 0.0;
+    for (uint32_t i = 0; i < n * n; i++) {
+        const double turned = matrix[i % n * n + i / n];
+        if (least > 0.0 && fabs(matrix[i] - turned) > rounding * largest) return false;
+        part[i] = matrix[i] / largest - (i % (n + 1) == 0 ? least : 0.0);
+    }
+    return lg_matrix_cholesky(n, part, L);
 }
 
 /* Checks that the sum of the known masses, or of the known dampings, is positive semidefinite. A mass that
@@ -268,11 +264,9 @@ static lg_status check_positive(const lg_machine *machine, lg_machine_part part,
         alone = alone && known == term && term->entry_count == 0;
     }
     if (known == NULL) return LG_OK;
-    bool definite;
-    const lg_status status = is_definite(machine->velocities, sum, alone ? rounding : -rounding, &definite);
-    if (status == LG_NOT_FINITE) return term_fails(known, error, "the sum of the known values overflows");
-    if (status != LG_OK) return lg_fail(error, status, "%s", lg_status_sentence(status));
-    return definite
+    if (!lg_all_finite((size_t)machine->velocities * machine->velocities, sum))
+        return term_fails(known, error, "the sum of the known values overflows");
+    return is_definite(machine->velocities, sum, alone ? rounding : -rounding)
                ? LG_OK
                : term_fails(
                      known, error,

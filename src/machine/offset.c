@@ -25,15 +25,13 @@ static lg_var record(const lg_term_at *at) {
     lg_tape *tape = at->tape;
     const lg_machine *machine = at->machine;
     uint32_t list[LG_MACHINE_VELOCITIES];
-    double place[LG_MACHINE_VALUES] = {0.0}, factor[LG_MACHINE_VELOCITIES];
+    double factor[LG_MACHINE_VELOCITIES];
     const uint32_t n = machine->velocities, count = lg_machine_offset_velocities(machine, at->term, list);
-    for (uint32_t i = 0; i < count; i++) {
-        place[i * n + list[i]] = 1.0;
+    for (uint32_t i = 0; i < count; i++)
         factor[i] = machine->scales.velocity[list[i]] / machine->scales.energy;
-    }
     const lg_var force = at->term->value_count > 0 ? lg_machine_record_entries(at, count, NULL, factor)
                                                    : lg_reshape(tape, at->theta, lg_shape2(1, count));
-    const lg_var all = lg_matmul(tape, force, lg_input_f64(tape, lg_shape2(count, n), place));
+    const lg_var all = lg_matmul(tape, force, lg_machine_record_selection(tape, list, count, n));
     const lg_var zeros = lg_full(tape, lg_shape2(at->seen->rows, n), 0.0);
     lg_tape_mark_rows(tape, zeros);
     return lg_add(tape, zeros, all);

@@ -114,42 +114,32 @@ static lg_var in_plane(const flight *f, lg_var more, lg_var r, lg_var *z) {
     return lg_matmul_tn(f->tape, *z, f->q);
 }
 
-/* *out = x/|x| and its time derivative *dout; dx is the time derivative of x. */
-static void normalise(lg_tape *tape, lg_var x, lg_var dx, lg_var *out, lg_var *dout) {
-    const lg_var length = lg_sqrt(tape, lg_rownorm2(tape, x));
-    *out = lg_div(tape, x, length);
-    const lg_var along = lg_mul(tape, lg_rowdot(tape, *out, dx), *out);
-    *dout = lg_div(tape, lg_sub(tape, dx, along), length);
+static lg_var unit(lg_tape *tape, lg_var x) {
+    return lg_div(tape, x, lg_sqrt(tape, lg_rownorm2(tape, x)));
 }
 
-/* cos(beta) near +- sin(beta) side */
-static lg_var spread(const flight *f, lg_var near, lg_var side) {
+/* q_d,i */
+static lg_var wanted_directions(const flight *f, lg_var A) {
     static const double signs[2] = {1.0, -1.0};
     lg_tape *tape = f->tape;
     const lg_var beta = number(f, BETA), sign = lg_input_f64(tape, lg_shape3(1, 2, 1), signs);
-    return lg_add(tape, lg_mul(tape, lg_cos(tape, beta), near),
-                  lg_mul(tape, sign, lg_mul(tape, lg_sin(tape, beta), side)));
+    const lg_var d = unit(tape, lg_neg(tape, A)), y = lg_slice(tape, d, 2, 1, 1);
+    const lg_var n = unit(tape, lg_sub(tape, axis(f, 1), lg_mul(tape, y, d)));
+    const lg_var side = lg_mul(tape, lg_sin(tape, beta), lg_cross(tape, n, d));
+    return lg_add(tape, lg_mul(tape, lg_cos(tape, beta), d), lg_mul(tape, sign, side));
 }
 
 /* c_i, the angular accelerations that the control law asks for. */
 static lg_var wanted_acceleration(const flight *f, lg_var A, lg_var dA) {
     lg_tape *tape = f->tape;
-    lg_var d, dd, n, dn;
-    normalise(tape, lg_neg(tape, A), lg_neg(tape, dA), &d, &dd);
-    const lg_var y = lg_slice(tape, d, 2, 1, 1), dy = lg_slice(tape, dd, 2, 1, 1);
-    normalise(tape, lg_sub(tape, axis(f, 1), lg_mul(tape, y, d)),
-              lg_neg(tape, lg_add(tape, lg_mul(tape, dy, d), lg_mul(tape, y, dd))), &n, &dn);
-    const lg_var qd = spread(f, d, lg_cross(tape, n, d));
-    const lg_var dqd = spread(f, dd, lg_add(tape, lg_cross(tape, dn, d), lg_cross(tape, n, dd)));
+    const lg_var qd = wanted_directions(f, A);
+    lg_var dqd = LG_NONE;
+    (void)lg_jvp(tape, &qd, 1, &A, &dA, 1, &dqd);
     const lg_var wd = lg_cross(tape, qd, dqd), spin = lg_rowdot(tape, f->q, wd);
     const lg_var error = lg_sub(tape, f->w, lg_sub(tape, wd, lg_mul(tape, spin, f->q)));
     const lg_var back = lg_add(tape, lg_mul(tape, number(f, KQ), lg_cross(tape, qd, f->q)),
                                lg_mul(tape, number(f, KW), error));
     return lg_neg(tape, lg_add(tape, back, lg_mul(tape, spin, lg_cross(tape, f->w, f->q))));
-}
-
-static lg_var unit(lg_tape *tape, lg_var x) {
-    return lg_div(tape, x, lg_sqrt(tape, lg_rownorm2(tape, x)));
 }
 
 /* Writes R Omega and Omega' of a quadrotor, whose parts of the state are y. Returns the thrust that acts
