@@ -1,6 +1,7 @@
 /* Loads a model of any kind as a program, and chooses functions of it for a target. */
 #include <string.h>
 
+#include "autodiff/program/program.h"
 #include "lg-export/faces.h"
 
 /* ---- the initial state ---- */
@@ -99,15 +100,6 @@ size_t export_parameters(const lg_program *program) {
     return sum;
 }
 
-/* How the names of derivatives begin, by lg_derivative_kind. */
-static const char *const begins[LG_DERIVATIVE_KIND_COUNT] = {"fwd1_", "adj1_", "jac_", "jac_adj1_"};
-
-static bool is_derivative(const char *name) {
-    bool is = false;
-    for (size_t i = 0; i < LG_COUNT(begins); i++) is = is || strncmp(name, begins[i], strlen(begins[i])) == 0;
-    return is;
-}
-
 bool export_trains_only(const lg_program *program, size_t function) {
     bool others = false;
     for (size_t i = 0; i < lg_program_functions(program); i++)
@@ -152,7 +144,7 @@ void export_choose(const app *self, const export_options *options, const lg_prog
     const bool all = options->functions == NULL && out->count == 0;
     for (size_t i = 0; all && i < lg_program_functions(program); i++) {
         const char *name = lg_program_function_name(program, i);
-        if (!is_derivative(name) && !export_trains_only(program, i))
+        if (!lg_program_is_derivative(name) && !export_trains_only(program, i))
             (void)export_add_name(out, program, name);
     }
     if (out->count == 0) refuse_function(self, program, "", usual == NULL);
@@ -163,7 +155,7 @@ const char *export_derive(const app *self, lg_program *program, lg_derivative_ki
     size_t at;
     lg_error error = {LG_OK, ""};
     lg_derivative what;
-    APP_FREE char *name = app_format("%s%s", begins[kind], function);
+    APP_FREE char *name = app_format("%s%s", lg_derivative_begins[kind], function);
     lg_derivative_init(&what);
     what.kind = kind;
     what.function = function;

@@ -471,10 +471,6 @@ static lg_status compare_function(const lg_policy *p, const lg_policy *again, si
         "them was changed. Train the policy again");
 }
 
-static bool is_derivative(const char *name) {
-    return strncmp(name, "jac_", 4) == 0 || strncmp(name, "adj1_", 5) == 0;
-}
-
 /* Evaluations run `closed` and `regulated`, exported C calls `control`, and its self-test also `period`. All
  * of them must be what the task, the plant and the regulator give. The derivatives of the file are not used:
  * the policy gets the program that was recorded for the comparison. */
@@ -482,7 +478,7 @@ static lg_status take_recorded(lg_policy *p, lg_error *error) {
     LG_CLEAN(lg_policy_destroy_at) lg_policy *again = NULL;
     LG_TRY(transplant(p, p->program, NULL, DRAWN, &again, error));
     for (size_t i = 0; i < lg_program_functions(again->program); i++)
-        if (!is_derivative(lg_program_function_name(again->program, i)))
+        if (!lg_program_is_derivative(lg_program_function_name(again->program, i)))
             LG_TRY(compare_function(p, again, i, error));
     lg_program *const of_file = p->program;
     p->program = again->program, again->program = of_file;

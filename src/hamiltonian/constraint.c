@@ -225,12 +225,7 @@ static lg_status derive(lg_constraint *c, lg_derivative_kind kind, const char *f
 
 static lg_status plan(lg_constraint *c, const lg_program *program, const char *name, size_t rows,
                       lg_plan **out, lg_error *error) {
-    lg_plan_options options;
-    size_t function;
-    lg_plan_options_init(&options);
-    options.rows = rows;
-    LG_TRY(lg_program_find(program, name, &function, error));
-    LG_TRY(lg_plan_create(program, function, &options, out, error));
+    LG_TRY(lg_program_plan(program, name, LG_F64, rows, out, error));
     const size_t size = lg_plan_work_size(*out);
     c->work_size = size > c->work_size ? size : c->work_size;
     return LG_OK;

@@ -273,7 +273,7 @@ TEST("variational steps that are too long for the data are told, with the remedy
     static const char train[] = "train attitude.h5 --scheme variational --epochs 2 --out attitude-model.h5";
     cli_write("attitude.yaml", "system: rigid-body-attitude\ninertia: [1, 2, 3]\nt_end: 10\n");
     cli_expect(lg, "generate attitude.yaml --trajectories 20 --points 5 --out attitude.h5", 0, "");
-    cli_expect(lg, train, 4, "1 step of variational between two points, for 20 random initial models");
+    cli_expect(lg, train, 4, "is finite with --substeps 1 and --scheme variational: give more --substeps");
     cli_expect(lg, test_text("%s --substeps 8", train), 0, "mean squared error");
 }
 

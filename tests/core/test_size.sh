@@ -112,6 +112,7 @@ rm src/nn/planted.c
 cp "$root/scripts/size" scripts
 
 # Budgets only go down: compared with every committed table.
+command -v git >/dev/null || { echo "no git: budgets are not compared with earlier ones"; exit 0; }
 git init -q . && git add "$csv"
 git -c user.name=t -c user.email=t@t commit -qm "budgets"
 passes "committed budgets"

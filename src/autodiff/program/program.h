@@ -124,6 +124,9 @@ lg_status lg_program_record_part(void *user, lg_tape *tape, const lg_var *theta,
 /* Copies a function, with its calls and loops written out, into a program of its own that has the parameters
  * and the description of this one. */
 lg_status lg_program_flat(const lg_program *program, size_t function, lg_program **out, lg_error *error);
+/* How the names of derivatives begin, by lg_derivative_kind; and whether a name begins so. */
+extern const char *const lg_derivative_begins[LG_DERIVATIVE_KIND_COUNT];
+bool lg_program_is_derivative(const char *name);
 lg_status lg_program_jacobian(lg_program *program, const char *function, lg_error *error);
 /* Makes a program without functions that has the parameters and the description of another. */
 lg_status lg_program_bare(const lg_program *from, lg_program **out, lg_error *error);

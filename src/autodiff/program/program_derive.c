@@ -352,8 +352,6 @@ void lg_derivative_init(lg_derivative *what) {
 }
 
 static lg_status derive(deriving *d, lg_program *program, const lg_derivative *what, lg_error *error) {
-    static const char *const prefix[LG_DERIVATIVE_KIND_COUNT] = {"fwd1_%s%s", "adj1_%s%s", "jac_%s%s",
-                                                                 "jac_adj1_%s%s"};
     differentiable *f = &d->f;
     const bool rows = what->kind == LG_DERIVATIVE_JACOBIAN || what->kind == LG_DERIVATIVE_JACOBIAN_OF_ADJOINT;
     LG_TRY(lg_program_find(program, what->function, &f->function, error));
@@ -372,7 +370,8 @@ static lg_status derive(deriving *d, lg_program *program, const lg_derivative *w
     if (rows) LG_TRY(check_rows(f, error));
     LG_TRY(make_ports(d, error));
     const lg_function_spec spec = {
-        .name = what->name != NULL ? what->name : name_of(d, prefix[what->kind], what->function, ""),
+        .name = what->name != NULL ? what->name
+                                   : name_of(d, "%s%s", lg_derivative_begins[what->kind], what->function),
         .inputs = d->in,
         .input_count = d->inputs,
         .outputs = d->out,

@@ -52,3 +52,12 @@ lg_status lg_program_check_name(const char *what, const char *name, lg_error *er
                            : lg_fail(error, LG_INVALID_ARGUMENT, "'%s' cannot be the name of %s: %s",
                                      lg_shown_name(name, shown), what, problem);
 }
+
+const char *const lg_derivative_begins[LG_DERIVATIVE_KIND_COUNT] = {"fwd1_", "adj1_", "jac_", "jac_adj1_"};
+
+bool lg_program_is_derivative(const char *name) {
+    bool is = false;
+    for (size_t i = 0; i < LG_DERIVATIVE_KIND_COUNT; i++)
+        is = is || strncmp(name, lg_derivative_begins[i], strlen(lg_derivative_begins[i])) == 0;
+    return is;
+}

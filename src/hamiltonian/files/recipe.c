@@ -303,10 +303,11 @@ static lg_status draw_weights(lg_training *self, lg_error *error) {
         if (status != LG_OK && status != LG_NOT_FINITE) return status;
     }
     if (!isnan(loss)) return LG_OK; /* infinite: the data are too large */
-    return lg_fail(error, LG_NOT_FINITE,
-                   "no prediction is finite with %u step%s of %s between two points, for %d random initial "
-                   "models: give more --substeps",
-                   run->substeps, run->substeps == 1 ? "" : "s", run->scheme->name, DRAWS);
+    return lg_fail(
+        error, LG_NOT_FINITE,
+        "no prediction of random initial models is finite with --substeps %u and --scheme %s: give "
+        "more --substeps",
+        run->substeps, run->scheme->name);
 }
 
 static lg_status warn_of_data(lg_training *self, const lg_hamiltonian_problem *problem, lg_error *error) {
