@@ -24,8 +24,8 @@ typedef struct sweep {
     bool continues;              /* an existing table is continued */
     char label[LG_SEARCH_LABEL]; /* of the table; ends with the hash of `setting` */
     lg_trial *results;           /* (work.count) by number, as the trials reported them */
-    lg_trial *trials; /* (count) those that are done, stopped where one process would have stopped them */
-    size_t count, written, before; /* written: how many the file has; before: how many earlier calls did */
+    lg_trial *trials; /* (count) that are done, stopped where one process would have stopped them */
+    size_t count, written, before; /* written: trials in the file; before: trials of earlier commands */
     lg_error failure;              /* why the first failed trial of this call failed */
     size_t failed;                 /* number of this trial */
     bool stopped;                  /* while a trial waited for others */

@@ -1,4 +1,4 @@
-/* What a model's file says about the model, its data and its training: the rows of its recipe. */
+/* Tells in headers what a model's file holds about model, data and training: the rows of its recipe. */
 #include <math.h>
 #include <string.h>
 
@@ -13,8 +13,8 @@ static void show(const lg_field *row, const void *values, char *value, size_t si
         lg_field_show(row, values, value, size);
 }
 
-/* Adds "family chain, links 1, ..." for the rows of a group, without lists of real numbers, hashes, texts of
- * several lines, and what only methods need that the training did not use. */
+/* Adds "family chain, links 1, ..." for the rows of a group. Lists of real numbers, hashes, texts of several
+ * lines, and options of methods that the training did not use are left out. */
 static void tell_rows(text *to, const lg_recipe *recipe, const lg_field *rows, const char *group,
                       const void *run) {
     const lg_fit_settings *training = (const void *)((const char *)run + recipe->training);

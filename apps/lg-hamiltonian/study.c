@@ -43,12 +43,12 @@ typedef struct study {
     uint64_t threads_each;
 } study;
 
-/* `at`: the values of a trial. The range is a list. */
+/* Returns the value of a range that is a list, as text. `at`: the values of a trial. */
 static const char *text_of(const study *self, const double *at, int range) {
     return self->file.space.ranges[range].choice[(size_t)at[range]];
 }
 
-/* The range is a list of numbers. */
+/* Returns the value of a range that is a list of numbers. */
 static double value_of(const study *self, const double *at, int range) {
     double value = 0;
     (void)lg_number_parse(text_of(self, at, range), &value);
@@ -57,7 +57,7 @@ static double value_of(const study *self, const double *at, int range) {
 
 /* ---- the grid ---- */
 
-/* All that the runs depend on and that is no column. A file is represented by its hash. */
+/* Returns all settings that the runs depend on and that are not columns. Files are given by their hash. */
 static lg_text setting_of(const lg_grid *grid) {
     const lg_scene *scene = &grid->scene;
     const lg_system *system = scene->system;
@@ -86,7 +86,7 @@ static void add_value(const study *self, lg_range *range, const char *text) {
     uint32_t i = 0;
     while (strcmp(range->choice[i], text) != 0) i++;
     if (i < range->choices)
-        app_note(self->sweep.app, "%s: %s stands twice and counts once", range->name, text);
+        app_note(self->sweep.app, "%s: %s is given twice and counts once", range->name, text);
     else
         range->high = range->choices++;
 }
@@ -122,7 +122,7 @@ static size_t cells_of(const study *self) {
     return self->sweep.work.count / self->grid.repeats;
 }
 
-/* Sets the values of a run; those of run i, with i below the number of cells, are of cell i. */
+/* Sets the values of a run. The first runs are one of each cell: run i has the values of cell i. */
 static void set_values(const study *self, size_t run, double at[RANGES]) {
     (void)lg_search_sampler(self->sweep.options.sampler)
         ->next(&self->file.space, &self->sweep.options, run, NULL, 0, at);
@@ -148,12 +148,12 @@ static void read_grid(app *self, lg_grid *grid) {
     read_integral(self, path, &grid->run);
 }
 
-/* Seed number `kind`, 0 to 7, of a repeat. Weights, shuffling and starts depend only on it, so all runs of
+/* Returns seed `kind`, 0 to 7, of a repeat. Weights, shuffling and starts depend only on it, so all runs of
  * the same repeat share them. */
 enum { SEED_TRAIN, SEED_TEST, SEEDS = 8 };
 static uint64_t seed_of(const study *self, const double *at, uint64_t kind) {
     lg_rng rng;
-    const double repeat = fmin(fmax(at[REPEAT], 0), UINT32_MAX); /* that of a table may be any number */
+    const double repeat = fmin(fmax(at[REPEAT], 0), UINT32_MAX); /* a row of a table may have any number */
     lg_rng_seed(&rng, self->grid.seed, (uint64_t)repeat * SEEDS + kind);
     return lg_rng_next(&rng) >> 1;
 }
@@ -265,8 +265,8 @@ typedef struct summary {
     double median[MEASURES], geometric[MEASURES];
 } summary;
 typedef enum noise_levels { ANY_NOISE, WITHOUT, WITH } noise_levels;
-/* Sets of ranges: those of a cell; of a combination, which is summarised over all noise levels that are zero,
- * or all that are not; of an integrator. */
+/* Sets of ranges, one bit each: all ranges of a cell; those of a combination, which is summarised over its
+ * noise levels (zero, or above zero); those of an integrator. */
 enum {
     CELL = ((1u << RANGES) - 1) & ~(1u << REPEAT),
     COMBINATION = CELL & ~(1u << EPS),

@@ -339,7 +339,7 @@ typedef struct lg_search_file {
     char fixed_value[LG_RANGE_MAX][LG_SEARCH_FIXED_TEXT];
     /* Lines of the file on which the ranges and the fixed options stand, for messages of the caller. */
     uint32_t line[LG_RANGE_MAX], fixed_line[LG_RANGE_MAX];
-    struct lg_trial_layout *layout; /* of a table of trials that is not of a search (internal); else NULL */
+    struct lg_trial_layout *layout; /* of the table of a study (internal); NULL: the table of a search */
 } lg_search_file;
 /* Reads the YAML (or JSON) file of a search (docs/files.md). Errors, with the line: LG_FORMAT also for a
  * space that lg_search_space_check refuses, a name that occurs twice (also as a fixed option and a range),

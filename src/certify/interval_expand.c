@@ -1,4 +1,4 @@
-/* Writes functions of a program as scalar code of one row, without rounding: constants stay as they are. */
+/* Writes functions of a program as scalar code of one row. Only exact operations fold constants. */
 #include <fenv.h>
 #include <math.h>
 #include <string.h>

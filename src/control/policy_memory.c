@@ -87,7 +87,7 @@ lg_var lg_policy_plant_part(lg_tape *tape, const lg_policy *p, lg_var x) {
 
 /* ---- functions of the plant for states with a memory ---- */
 
-/* The plant's functions get these names, and functions for states with a memory have theirs. */
+/* The plant's functions are renamed so; functions of states with a memory get the plant's names. */
 static const char *const of_plant[] = {"plant_step", "plant_momenta", "plant_positions", "plant_velocities",
                                        "plant_value"};
 enum { PREFIX = sizeof "plant_" - 1 };

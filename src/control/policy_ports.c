@@ -4,7 +4,7 @@
 
 #include "control/policy.h"
 
-/* The port that rows call `name`; most ports have this name. */
+/* Returns the port that rows call `name`, such as "small z", a port z with small numbers. */
 static lg_port port_of(const lg_policy *p, const char *name) {
     double far = 0.0;
     for (uint32_t l = 0; l < p->inputs; l++)

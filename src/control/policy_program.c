@@ -341,7 +341,7 @@ static const lg_policy_function rows[] = {
     {"disturbed", record_disturbed, {"s", "weights", "noise", "late"}, {"next", "cost", "u"}},
     {"disturbed_end", record_disturbed_end, {"s"}, {"cost"}}};
 
-/* The names of ports, without those by which nothing is minimised. */
+/* Lists the names of the ports, except those that training does not vary. */
 static size_t list_names(const lg_port *ports, size_t count, const char **out) {
     static const char *const given[] = {"noise", "late", "how", "u"};
     size_t n = 0;

@@ -32,8 +32,8 @@ const char *lg_decimal(const char *text, double *out);
  * surrogates are none). Returns 0 if the `left` bytes begin a character whose end is missing. */
 #define LG_NO_CHARACTER UINT32_MAX
 size_t lg_utf8(const char *text, size_t left, uint32_t *code);
-/* A file that was built in as a text. The lists of such texts end with a row of NULL; lg_named_text_of
- * returns NULL if the list has no text of this name. */
+/* A file that is built into a library or program as text. A row of NULL ends a list of texts.
+ * lg_named_text_of returns NULL if the list has no text of this name. */
 typedef struct lg_named_text {
     const char *name, *text;
 } lg_named_text;

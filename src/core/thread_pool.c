@@ -152,7 +152,7 @@ typedef struct jobs {
     lg_job *job;
     void *user;
     pthread_mutex_t mutex;
-    atomic_size_t failed; /* the first job in the list that has failed, and its error */
+    atomic_size_t failed; /* index of the first job that failed, so far; SIZE_MAX: none */
     lg_error error;
 } jobs;
 
@@ -177,7 +177,7 @@ lg_status lg_jobs_run(const lg_context *context, uint64_t threads, size_t count,
     if (count == 0) return LG_OK;
     const int useful = (int)(threads < count ? threads : count);
     const lg_status made = lg_thread_pool_create(context, useful, &pool);
-    if (made != LG_OK) return lg_fail(error, made, "%d threads could not be started", useful);
+    if (made != LG_OK) return lg_fail(error, made, "no memory for a pool of %d threads", useful);
     lg_thread_pool_run(pool, count, do_job, &all);
     lg_thread_pool_destroy(pool);
     pthread_mutex_destroy(&all.mutex);

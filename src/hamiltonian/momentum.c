@@ -174,7 +174,7 @@ lg_status lg_hamiltonian_integral_changes(const lg_context *context, const lg_ha
     return status;
 }
 
-/* The root mean square over the points of the length of `slope`. */
+/* Root mean square of |slope| over all points. */
 static lg_status measure_unit(const lg_context *context, const lg_hamiltonian_problem *problem, double *out,
                               lg_error *error) {
     const size_t n = problem->trajectories * problem->points;

@@ -27,8 +27,8 @@ void lg_matrix_add_twice(size_t count, const double *x, lg_matrix_pair y);
 double lg_matrix_norm(size_t count, const double *x);
 /* The largest |eigenvalue| of a matrix (n, n), n <= 64, which is overwritten; 0 if they are not found */
 double lg_matrix_radius(size_t n, double *a);
-/* Eigenvalues w (n, ascending) of a symmetric matrix (n, n), n <= 48, which is overwritten, with `vectors` by
- * its eigenvectors, row by row. Returns false if they are not found. */
+/* Eigenvalues w (n, ascending) of a symmetric matrix a (n, n), n <= 48. a is overwritten; with `vectors` its
+ * rows become the eigenvectors. Returns false if they are not found. */
 bool lg_matrix_eigen(size_t n, bool vectors, double *a, double *w);
 /* LU factors of a (n, n), in place, with exchanges of rows; its rows are `stride` numbers apart. Returns
  * false if a pivot is 0 or not finite. lg_matrix_solve replaces x, whose numbers are `step` apart, by

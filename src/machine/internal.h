@@ -510,8 +510,8 @@ void lg_machine_along_row(const lg_machine_problem *problem, size_t row, double 
 /* lg_fit_problem.linearise and lg_fit_problem.rows of a problem of windows. */
 lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
                                size_t count, size_t batch, double *loss, double *r, double *jacobian);
-/* Computes losses (windows): the loss that a fit of this window alone would have, but its part of the priors.
- * lg_machine_losses does so on a tape of its own. */
+/* Computes the loss of each window (windows), with the share of the priors that belongs to the window.
+ * lg_machine_losses creates the tape and destroys it. */
 lg_status lg_machine_window_losses(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
                                    double *losses);
 LG_API lg_status lg_machine_losses(const lg_context *context, const lg_machine_problem *problem,

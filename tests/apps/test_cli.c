@@ -269,7 +269,7 @@ TEST("numbers too large for a loss are refused in the units of the data") {
                "epoch 1: the loss is inf");
 }
 
-TEST("variational steps that are too long for the data are told, with the remedy") {
+TEST("a message reports variational steps that are too long for the data, and the remedy") {
     static const char train[] = "train attitude.h5 --scheme variational --epochs 2 --out attitude-model.h5";
     cli_write("attitude.yaml", "system: rigid-body-attitude\ninertia: [1, 2, 3]\nt_end: 10\n");
     cli_expect(lg, "generate attitude.yaml --trajectories 20 --points 5 --out attitude.h5", 0, "");
@@ -545,11 +545,11 @@ TEST("a study continues the table of a grid with more values, fewer values and o
     shell("sort rows.csv | comm -13 - rows | cmp - /dev/null");
 }
 
-TEST("a value that stands twice in a grid counts once") {
+TEST("a value that is given twice in a grid counts once") {
     shell(OTHER_GRID("s/^eps:.*/eps: [0, 0.0, -0]/; s/^integrators:.*/integrators: [cf4, euler, cf4]/"));
     cli_json(lg, "study other.yaml --out twice.csv --jobs 1", "planned 8, done 8, new 8");
-    assert_says(result.err, "eps: 0 stands twice and counts once");
-    assert_says(result.err, "integrator: cf4 stands twice and counts once");
+    assert_says(result.err, "eps: 0 is given twice and counts once");
+    assert_says(result.err, "integrator: cf4 is given twice and counts once");
     cli_json(lg, "study grid.yaml --out twice.csv", "planned 8, done 8, new 0");
 }
 

@@ -380,7 +380,7 @@ lg_status lg_ridge_fit(const lg_context *context, double *x, const uint32_t *lab
     r.order = by_rows(&r) ? n : d;
     r.parts = smaller((size_t)threads, (n + WIDTH - 1) / WIDTH);
     lg_status status = lg_thread_pool_create(context, (int)r.parts, &r.pool);
-    if (status != LG_OK) return lg_fail(error, status, "%zu threads could not be started", r.parts);
+    if (status != LG_OK) return lg_fail(error, status, "no memory for a pool of %zu threads", r.parts);
     status = take_memory(&r, &made, error);
     if (status == LG_OK) status = fit(&r, label, &made, error);
     LG_FREE_ALL(context, r.x_mean, r.y_mean, r.y, r.gram, r.factor, r.c, r.best, r.rest, r.h, r.scratch);

@@ -121,10 +121,10 @@ typedef struct lg_program_part {
 } lg_program_part;
 lg_status lg_program_record_part(void *user, lg_tape *tape, const lg_var *theta, const lg_var *in,
                                  lg_var *out);
-/* Copies a function, with its calls and loops written out, into a program of its own that has the parameters
- * and the description of this one. */
+/* Copies a function into a new program with the same parameters and description. The copy records the
+ * operations of calls and loops in their place. The caller destroys *out. */
 lg_status lg_program_flat(const lg_program *program, size_t function, lg_program **out, lg_error *error);
-/* How the names of derivatives begin, by lg_derivative_kind; and whether a name begins so. */
+/* Prefixes of the names of derivatives, by lg_derivative_kind; whether a name has one of them. */
 extern const char *const lg_derivative_begins[LG_DERIVATIVE_KIND_COUNT];
 bool lg_program_is_derivative(const char *name);
 lg_status lg_program_jacobian(lg_program *program, const char *function, lg_error *error);
@@ -145,7 +145,7 @@ void lg_function_destroy(const lg_context *context, lg_function *function);
  * is below LG_MAX_RANK. */
 lg_port lg_path_port(const lg_port *output, uint32_t times, const char *name);
 
-/* lg_plan_create for a function with this name, and otherwise default options. */
+/* Plans the function with this name: lg_plan_create with this dtype, these rows and default options. */
 LG_API lg_status lg_program_plan(const lg_program *program, const char *function, lg_dtype dtype, size_t rows,
                                  lg_plan **out, lg_error *error);
 

@@ -83,9 +83,9 @@ bool lg_c_room(lg_c *c, void **array, size_t *capacity, size_t needed, size_t si
 void lg_c_add_line(lg_text *to, int depth, const char *line, size_t length);
 /* Appends `text` with every @ replaced by `name`. */
 void lg_c_add_definition(lg_text *to, const char *text, const char *name);
-/* Writes a fragment and those that it needs, each once. Nothing if there is no fragment of this name, or of
- * this name followed by _f64 or _f32, the type of the numbers. lg_c_need_called: all fragments whose
- * functions the code calls. */
+/* Writes a fragment and the fragments that it needs, each once. Does nothing if there is no fragment of this
+ * name, with or without _f64 or _f32, the type of the numbers. lg_c_need_called does this for each function
+ * that the code calls. */
 void lg_c_need(lg_c *c, const char *fragment);
 void lg_c_need_called(lg_c *c, const char *code);
 /* Defines a static function with this text (@ stands for its name), unless an equal one exists, and returns

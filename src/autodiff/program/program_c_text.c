@@ -108,7 +108,7 @@ static void check_name(lg_c *c, const char *text) {
                             c->name);
 }
 
-/* What fragments need besides themselves, in the order in which it is written. */
+/* The fragments that a fragment needs, in the order in which they are written. */
 enum { MOST_NEEDS = 4 };
 static const struct {
     const char *name, *needs[MOST_NEEDS + 1];
@@ -146,7 +146,7 @@ static const struct {
              {"whole_windows", {"windows"}},
              {"window_rows", {"windows"}}};
 
-/* The fragments that this one needs, ended by NULL. */
+/* Returns the fragments that `fragment` needs; NULL ends the list. */
 static const char *const *needs_of(const char *fragment) {
     static const char *const none[] = {NULL};
     for (size_t i = 0; i < LG_COUNT(needs); i++)

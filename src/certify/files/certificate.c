@@ -406,7 +406,7 @@ static size_t byte_of(const unsigned char *data, size_t bytes, size_t character)
 static lg_status check_hash(const reading *r, const char *key, const char *part, const char *expected,
                             const unsigned char *data, size_t bytes) {
     const yaml_node_t *root = yaml_document_get_root_node(lg_yaml_document(r->yaml)),
-                      *node = lg_node_below(r->yaml, root, key); /* it was read: it is there */
+                      *node = lg_node_below(r->yaml, root, key); /* not NULL: the key was read */
     const size_t from = byte_of(data, bytes, node->start_mark.index),
                  to = byte_of(data, bytes, node->end_mark.index);
     char found[LG_SHA256_TEXT];

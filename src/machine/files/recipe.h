@@ -181,9 +181,9 @@ typedef lg_status lg_runner(const void *user, const lg_machine_log *log, const s
 /* The runner of an lg_learned_machine. If its start_rows is not 0, the state at a start is estimated from as
  * many rows, of which the start is the last. */
 lg_runner lg_machine_run;
-/* Rows, `every` rows apart in each part, from which a run of `steps` intervals stays within the part:
- * complete rows, or with start_rows > 0 those from whose start_rows last rows the state can be estimated.
- * Returns how many; out (rows). */
+/* Lists rows, `every` rows apart in each part, from which a run of `steps` intervals stays within the part.
+ * A row must be complete; with start_rows > 0 the state must be estimable from the start_rows rows that end
+ * there. Returns their number; `out` has room for all rows of the log. */
 size_t lg_log_starts(const lg_machine *machine, const lg_machine_log *log, size_t start_rows, size_t steps,
                      size_t every, size_t *out);
 /* The same for logged states at both ends of a run. */

@@ -263,8 +263,8 @@ static const char *state_name(uint32_t state) {
     return lg_trial_state_name((lg_trial_state)state);
 }
 
-/* The fields of a trial that can be columns; the first ones are those of a search. Real numbers may be nan or
- * infinite. */
+/* The fields of a trial that can be columns; tables of searches have the first FIELDS. Real numbers may be
+ * nan or infinite. */
 #define COLUMN(name, type, ...) LG_FIELD(lg_trial, NULL, name, type, __VA_ARGS__)
 static const lg_field fields[] = {COLUMN("trial", U64, number, .high = 0x1p64),
                                   COLUMN("state", NAME, state, LG_NAMED(state_name, LG_TRIAL_STATE_COUNT)),
@@ -280,8 +280,8 @@ enum { FIELDS = 6, NAME = LG_RANGE_NAME + 8, MOST = FIELDS + LG_RANGE_MAX + LG_T
 
 typedef struct column {
     char name[NAME];
-    const lg_field *field; /* of a trial; NULL: the column is none */
-    size_t range, report;  /* number of the range or report, from 1; 0: none. A mark is none of these */
+    const lg_field *field; /* of a trial; NULL: the column is not a field */
+    size_t range, report;  /* index of the range or report plus 1; 0: the column is not one */
 } column;
 
 /* Finds the column with this name. A field comes before a range, whose column is then option-NAME. */
@@ -296,7 +296,7 @@ static column find_column(const lg_search_file *search, const char *name) {
     return out;
 }
 
-/* Lists the columns; those of a search with so many rungs. */
+/* Lists the columns. The table of a search has a column for each of `rungs` rungs. */
 static size_t list_columns(const lg_search_file *search, uint32_t rungs, column out[MOST]) {
     const lg_trial_layout *layout = search->layout;
     size_t n = 0;
@@ -420,8 +420,8 @@ static lg_status check_head(const char *head, const char *shown, const lg_search
     return LG_OK;
 }
 
-/* Reads the value of a range that may have other values in this table, written in any way. *inside becomes
- * false if the range lacks it. Returns false for a text in place of a number. */
+/* Reads the value of a range in the table of a study, which may have values of other grids. *inside becomes
+ * false if the range lacks the value. Returns false if the cell is not a number, but should be. */
 static bool read_value(const lg_range *range, const char *cell, double *out, bool *inside) {
     char text[LG_SHORTEST];
     const bool number = lg_number_parse(cell, out) == LG_OK;
@@ -457,7 +457,7 @@ static lg_status read_cell(const lg_frame *f, size_t row, const lg_search_file *
         layout->mark(layout->user, trial, c->name, text);
         (void)lg_number_parse(cell, &seen);
         (void)lg_number_parse(text, &own);
-        /* a spreadsheet keeps 15 digits of a seed */
+        /* spreadsheets keep 15 digits of a seed */
         if (strcmp(cell, text) == 0 || fabs(seen - own) < 1e-14 * own) return LG_OK;
         return lg_frame_fail(f, row, c->name, error, "the row belongs to %s with other settings (%s, not %s)",
                              layout->what, lg_tamed(cell), text);
@@ -469,7 +469,7 @@ static lg_status read_cell(const lg_frame *f, size_t row, const lg_search_file *
                          lg_tamed(cell), layout != NULL ? layout->what : "a search");
 }
 
-/* Keeps a row that is none of the trials as it is. */
+/* Keeps the text of a row that belongs to no trial. */
 static void keep_row(lg_trial_layout *layout, const lg_frame *f, size_t row) {
     lg_columns to = {.text = layout->others};
     for (size_t i = 0; i < f->texts; i++) {
@@ -481,7 +481,7 @@ static void keep_row(lg_trial_layout *layout, const lg_frame *f, size_t row) {
     layout->other_rows++;
 }
 
-/* The number of the point of a grid with all values of the ranges, of which the last one varies fastest. */
+/* Index of a trial in the grid of all values of the ranges; the last range varies fastest. */
 static uint64_t point_of(const lg_search_space *space, const double *value) {
     uint64_t number = 0;
     for (const lg_range *range = space->ranges; range < space->ranges + space->count; range++)

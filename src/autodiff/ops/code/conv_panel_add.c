@@ -1,4 +1,4 @@
-/* x += g times a panel at `count` places, a multiple of a tile's; what they cover may overlap. */
+/* x += g times a panel at `count` places, which may overlap; count is a multiple of TILE_PLACES. */
 static NOINLINE void conv_panel_add(int count, int step, int outputs, int rows, const real *panel,
                                     const real *g, real *x) {
     real sum[TILE_PLACES * TILE_COLUMNS];

@@ -1,4 +1,4 @@
-/* y may be NULL: an output that nobody wants. NOINLINE is needed: if gcc 12 inlines the function, it
+/* y is NULL if the caller does not want this output. NOINLINE is needed: if gcc 12 inlines the function, it
  * concludes from the test that a caller's array may be NULL and warns (-Warray-bounds) about copies that
  * never happen. */
 static NOINLINE void copy(int n, const real *x, real *y) {

@@ -1,4 +1,4 @@
-/* Where the largest of n numbers so far apart lies: the first of equals; a NaN is larger than all. */
+/* Offset in x of the first maximum of n numbers with the stride `apart`; NaN counts as the maximum. */
 static int first_maximum(int n, int apart, const real *x) {
     int best = 0;
     for (int l = 1; l < n && x[best] == x[best]; l++) {

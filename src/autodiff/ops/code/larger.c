@@ -1,4 +1,4 @@
-/* NaN where one of them is. */
+/* The maximum of a and b, or NaN if one of them is NaN. */
 static real larger(real a, real b) {
     return a != a || a >= b ? a : b;
 }

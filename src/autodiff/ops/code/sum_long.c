@@ -1,5 +1,5 @@
 /* sum_axis with many terms: sums of 64 terms are added with compensation (Kahan), so that rounding errors
- * do not grow with their number. */
+ * do not grow with the number of terms. */
 static NOINLINE void sum_long(int outer, int length, int inner, const real *RESTRICT x, real *RESTRICT y) {
     for (int o = 0; o < outer; o++, x += length * inner, y += inner)
         for (int i = 0; i < inner; i++) {
