@@ -118,8 +118,8 @@ const lg_surrogate_preset *lg_surrogate_preset_find(const char *name, lg_surroga
     if (name == NULL || isnan(fraction)) return NULL;
     for (size_t i = 0; i < LG_COUNT(presets); i++) {
         const lg_surrogate_preset *row = &presets[i];
-        if (strcmp(row->name, name) != 0 || row->kind != kind || row->boundary != boundary ||
-            row->model.loss != loss || row->merged != merged)
+        if (row->kind != kind || row->boundary != boundary || row->model.loss != loss ||
+            row->merged != merged || strcmp(row->name, name) != 0)
             continue;
         if (best == NULL || fabs(row->fraction - fraction) < fabs(best->fraction - fraction)) best = row;
     }
