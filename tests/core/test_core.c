@@ -596,6 +596,26 @@ TEST("words of a shell, literals and comments of C, and names in code") {
     assert_true(all.unfit && !all.failed && all.lost == 1);
 }
 
+TEST("control characters and bytes that are not UTF-8 become question marks") {
+    static const struct row {
+        const char *from, *to;
+        bool changed;
+    } rows[] = {
+        {"", "", false},
+        {"a ~\xc2\xa0\xc3\xa9\xe2\x82\xac\xf0\x9f\x98\x80", "a ~\xc2\xa0\xc3\xa9\xe2\x82\xac\xf0\x9f\x98\x80",
+         false},
+        {"\x1b[2J\t\n\x7f", "?[2J???", true},
+        {"\xc2\x80x\xc2\x85y\xc2\x9f", "??x??y??", true},
+        {"\x80 \xc1\xa9 \xed\xa0\x80 \xf4\x90\x80\x80 \xe2\x82", "? ?? ??? ???? ??", true},
+    };
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        char text[32];
+        (void)snprintf(text, sizeof text, "%s", rows[i].from);
+        assert_true(lg_tame(text) == rows[i].changed);
+        assert_string_equal(text, rows[i].to);
+    }
+}
+
 /* ---- ranks ---- */
 
 enum { RANKS = 5000, ME = 4321 }; /* more than an exchange has room for without the heap */

@@ -1121,6 +1121,55 @@ TEST("normal equations find exact numbers, divide equally between equal columns,
     assert_status(lg_normal_equations(1, 1, 1e-12, unknown, x), LG_CHECK_FAILED);
 }
 
+/* H <- (I - s y^T/ys) H (I - y s^T/ys) + s s^T/ys for a full matrix H (n, n). */
+static void update_whole(size_t n, const double *s, const double *y, double *H) {
+    double ys = 0, yhy = 0, hy[8] = {0};
+    for (size_t i = 0; i < n; i++) {
+        ys += s[i] * y[i];
+        for (size_t j = 0; j < n; j++) hy[i] += H[i * n + j] * y[j], yhy += y[i] * H[i * n + j] * y[j];
+    }
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++)
+            H[i * n + j] += (1 + yhy / ys) * s[i] * s[j] / ys - (hy[i] * s[j] + s[i] * hy[j]) / ys;
+}
+
+TEST("directions of L-BFGS are those of full BFGS matrices, from the pairs that memory holds") {
+    enum { PAIRS = 7 };
+    static const uint32_t memories[] = {2, 3, 5, 9};
+    for (size_t n = 1; n <= 8; n++) {
+        for (size_t c = 0; c < LG_COUNT(memories); c++) {
+            double *s[PAIRS], y[PAIRS][8], H[64], zeros[8] = {0}, *g = test_numbers(17 * n + c, n, -1, 1);
+            const size_t most = memories[c];
+            lg_minimise_options options;
+            lg_minimiser *m;
+            lg_minimise_options_init(&options);
+            options.method = LG_MINIMISE_LBFGS;
+            options.memory = memories[c];
+            assert_ok(lg_minimiser_create(NULL, n, &options, zeros, &m, NULL));
+            for (size_t k = 0; k < PAIRS; k++) {
+                s[k] = test_numbers(100 * n + 10 * c + k, n, -1, 1);
+                for (size_t i = 0; i < n; i++) y[k][i] = (1.0 + (double)((3 * i + k) % 5)) * s[k][i];
+                memcpy(m->g, g, n * sizeof *g);
+                lg_minimise_pairs_add(m, m->curvature, most, s[k], y[k]);
+                m->counts.pairs++;
+                for (size_t i = 0; i < n * n; i++)
+                    H[i] = i % (n + 1) == 0 ? lg_minimise_pairs_diagonal(m, m->curvature, most)[i / n] : 0;
+                for (size_t j = k + 1 > most ? k + 1 - most : 0; j <= k; j++) update_whole(n, s[j], y[j], H);
+                for (size_t i = 0; i < n; i++) {
+                    double wanted = 0;
+                    for (size_t j = 0; j < n; j++) wanted -= H[i * n + j] * g[j];
+                    assert_close(m->d[i], wanted, 1e-9, 1e-9);
+                }
+                /* H y = s, whatever H was before */
+                memcpy(m->g, y[k], n * sizeof *g);
+                lg_minimise_pairs_direction(m, m->curvature, most, k + 1);
+                for (size_t i = 0; i < n; i++) assert_close(m->d[i], -s[k][i], 1e-11, 1e-11);
+            }
+            lg_minimiser_destroy(m);
+        }
+    }
+}
+
 /* Microseconds instead of seconds and kilometres instead of metres give the same steps. */
 TEST("least squares do not depend on units") {
     decay f = make_decay(0.01, 1), g = f;
