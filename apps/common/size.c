@@ -101,7 +101,8 @@ static void run_race(app *self, train_task *task, app_slot *slot, train_race *ra
         lane->size = task->recipe->trainer->sizes[i];
         const lg_status status = run_lane(self, task, slot, seconds, lane, &error);
         if (status != LG_OK)
-            app_stop(self, status, "--size auto, %s: %s", lane->size, app_sentence(status, &error));
+            app_stop(self, status, "--size auto, %s: %s%s", lane->size, app_sentence(status, &error),
+                     status == LG_CANCELLED ? "; the widths that were tried are not kept" : "");
         race->count++;
     }
 }

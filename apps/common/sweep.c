@@ -20,14 +20,17 @@ static void warn(sweep *self, const posted *p) {
     app_warn(self->app, "trial %llu failed: %s", (unsigned long long)p->trial.number, p->why);
 }
 
+void sweep_values(const sweep *self, uint64_t number, double *value) {
+    (void)lg_search_sampler(self->options.sampler)
+        ->next(&self->file->space, &self->options, number, NULL, 0, value);
+}
+
 /* Whether the trial has the values that the sampler gives it; true if they do not depend on --trials. */
 static bool is_planned(const sweep *self, const lg_trial *trial) {
-    const lg_sampler *sampler = lg_search_sampler(self->options.sampler);
-    const lg_search_space *space = &self->file->space;
     double value[LG_RANGE_MAX];
-    if (!sampler->planned) return true;
-    (void)sampler->next(space, &self->options, trial->number, NULL, 0, value);
-    return memcmp(value, trial->value, space->count * sizeof *value) == 0;
+    if (!lg_search_sampler(self->options.sampler)->planned) return true;
+    sweep_values(self, trial->number, value);
+    return memcmp(value, trial->value, self->file->space.count * sizeof *value) == 0;
 }
 
 static bool take_trial(void *user, size_t item, void *record, bool done, bool own) {

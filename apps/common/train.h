@@ -30,6 +30,9 @@ extern const lg_field train_file_options[];
 #define TRAIN_SIZE(type, ...) LG_OPTION(type, size, STRING, "auto|W,...", __VA_ARGS__, .usual = true)
 #define TRAIN_SHARED          APP_GIVEN(train_file_options, train_given_files)
 #define TRAIN_SHARED_NO_SIZE  APP_GIVEN(train_file_options + 1, train_given_files)
+#define TRAIN_STOPS                                                                                          \
+    "Ctrl-C saves a checkpoint and ends with exit code 130; --resume continues to the same bits. While "     \
+    "--size auto tries widths there is no checkpoint."
 /* A training that is running or has ended. */
 typedef struct train_session train_session;
 

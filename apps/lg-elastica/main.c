@@ -17,8 +17,7 @@ static const app_command train_command = {
         "train_mse and test_mse are mean squared errors over the curves of each part, nodes and "
         "components, in double precision (discrete: the 4(N - 1) inner ones); `loss` is the last "
         "epoch's mean over its batches, with its penalty. `truncation` is what --modes leaves out: the "
-        "mean squared error of the trained curves' best approximation by so many modes.\n\nCtrl-C saves a "
-        "checkpoint and ends with exit code 130; --resume continues to the same bits.",
+        "mean squared error of the trained curves' best approximation by so many modes.\n\n" TRAIN_STOPS,
     .settings = settings};
 
 static const app_command search_command = {SEARCH_COMMAND("DATA.h5"), VERB(search, task),

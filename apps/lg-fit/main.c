@@ -68,8 +68,7 @@ static const app_command train_command = {
         "A classification is trained by lbfgs, the parameters are those of the best epoch on the validation "
         "part.\n\nWithout --test a tenth of the rows is held out for scoring and not learned; with it a "
         "regression learns all rows.\n\nrmse, r2, accuracy and f1 are those of the validation part or of "
-        "--test. --plot draws predicted against true values, or the table of confusion.\n\nCtrl-C saves a "
-        "checkpoint and ends with exit code 130; --resume continues to the same bits.",
+        "--test. --plot draws predicted against true values, or the table of confusion.\n\n" TRAIN_STOPS,
     .settings = settings};
 
 static const app_command evaluate_command = {

@@ -29,8 +29,8 @@ static const app_command train_command = {
         "error that the integrator's steps make, estimated by steps of half the size.\n\nIf an option of "
         "Adam is given, the defaults are those of --preset thesis, else of --preset best. --preset thesis "
         "has the published settings but for Adam's eps and bound on the gradient (published: --adam-eps 1e-8 "
-        "--clip 0). docs/reports/accuracy.md has the table of both; --json prints the values of a run.\n\n"
-        "Ctrl-C saves a checkpoint and ends with exit code 130; --resume continues to the same bits.",
+        "--clip 0). docs/reports/accuracy.md has the table of both; --json prints the values of a "
+        "run.\n\n" TRAIN_STOPS,
     .settings = settings};
 
 static const app_command search_command = {SEARCH_COMMAND("DATA.h5"), VERB(search, task),

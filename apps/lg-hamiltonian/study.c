@@ -2,7 +2,6 @@
 #include "common/sweep.h"
 #include "hamiltonian/files/recipe.h"
 #include "lg-hamiltonian/training.h"
-#include "nn/search.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -23,7 +22,7 @@ static const lg_field study_options[] = {
 
 static study_values values;
 
-/* The ranges of the grid, the fastest varying last. */
+/* The ranges of the grid, the fastest varying last; so the first runs are one of each cell. */
 enum { REPEAT, EPS, N, M, PENALTY, SUBSTEPS, INTEGRATOR, RANGES };
 static const char *const range_names[RANGES] = {"repeat",  "eps",      "N",         "M",
                                                 "penalty", "substeps", "integrator"};
@@ -120,12 +119,6 @@ static size_t values_of(const study *self, int range) {
 
 static size_t cells_of(const study *self) {
     return self->sweep.work.count / self->grid.repeats;
-}
-
-/* Sets the values of a run. The first runs are one of each cell: run i has the values of cell i. */
-static void set_values(const study *self, size_t run, double at[RANGES]) {
-    (void)lg_search_sampler(self->sweep.options.sampler)
-        ->next(&self->file.space, &self->sweep.options, run, NULL, 0, at);
 }
 
 /* Loads the file of the penalty's first integral once, for its hash. */
@@ -338,7 +331,7 @@ static void put_best(app_json *out, const char *name, const study *self, noise_l
     size_t n = 0;
     for (size_t i = 0; i < all; i++) {
         combination *next = &list[n];
-        set_values(self, i, next->at);
+        sweep_values(&self->sweep, i, next->at);
         next->summary = summarise(self, next->at, COMBINATION, noise);
         next->e1 = next->summary.geometric[E1];
         n += next->summary.runs > next->summary.failed;
@@ -366,7 +359,7 @@ static void report(const study *self, double seconds) {
     app_result_line(out, "\nMedians over the repeats");
     app_result_rows(out, "medians");
     for (size_t i = 0; i < cells_of(self); i++) {
-        set_values(self, i, at);
+        sweep_values(&self->sweep, i, at);
         const summary s = summarise(self, at, CELL, ANY_NOISE);
         if (s.runs > 0) put_row(out, self, at, CELL, &s, s.median);
     }
@@ -374,7 +367,7 @@ static void report(const study *self, double seconds) {
     app_result_line(out, "\nGeometric means over all runs of an integrator");
     app_result_rows(out, "geometric_means");
     for (size_t i = 0; i < integrators * substeps; i++) {
-        set_values(self, i / substeps + i % substeps * integrators, at);
+        sweep_values(&self->sweep, i / substeps + i % substeps * integrators, at);
         const summary s = summarise(self, at, INTEGRATORS, ANY_NOISE);
         put_row(out, self, at, INTEGRATORS, &s, s.geometric);
     }
@@ -392,7 +385,7 @@ static void report(const study *self, double seconds) {
 static void put_block(app_plot *plot, const study *self, size_t i, size_t m) {
     double at[RANGES];
     for (size_t cell = 0; cell < cells_of(self); cell++) {
-        set_values(self, cell, at);
+        sweep_values(&self->sweep, cell, at);
         if (at[INTEGRATOR] != (double)i || at[M] != (double)m || at[SUBSTEPS] != 0) continue;
         app_plot_gap(plot);
         for (; at[SUBSTEPS] < (double)values_of(self, SUBSTEPS); at[SUBSTEPS]++) {

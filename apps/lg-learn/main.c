@@ -69,8 +69,7 @@ static void choose_recipe(const lg_recipe *chosen) {
 static const app_command train_command = {
     TRAIN_COMMAND("DATA...", task, train_plots), .summary = "Learn a model from data",
     .details = "With --recipe NAME the options of this kind of model are listed above. The command search "
-               "draws values of the same options.\n\nCtrl-C saves a checkpoint and ends with exit code 130; "
-               "--resume continues to the same bits.",
+               "draws values of the same options.\n\n" TRAIN_STOPS,
     .settings = train_settings};
 
 /* ---- predict ---- */

@@ -62,10 +62,14 @@ static const double levels[] = {0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99};
 
 /* ---- writing: the writer remembers the first error, and the commit returns it ---- */
 
-/* Writes the names as one text, separated by '|'. */
+/* Writes the names as one text, separated by '|'. A backslash precedes '|' and backslashes in names. */
 static void put_names(const lg_archive_writer *to, const char *path, const column_name *names, size_t count) {
     APP_CLEAN(lg_text_destroy) lg_text text = app_text();
-    for (size_t i = 0; i < count; i++) lg_text_add(&text, "%s%s", i > 0 ? "|" : "", names[i]);
+    for (size_t i = 0; i < count; i++) {
+        if (i > 0) lg_text_add(&text, "|");
+        for (const char *at = names[i]; *at != '\0'; at++)
+            lg_text_add(&text, "%s%c", *at == '|' || *at == '\\' ? "\\" : "", *at);
+    }
     (void)to->text(to->user, path, text.data);
 }
 
@@ -151,15 +155,20 @@ lg_status result_write(const app *self, const char *path, result *what, const re
 /* ---- reading ---- */
 
 static lg_status get_names(const lg_archive_reader *from, const char *path, size_t count, column_name **out) {
-    const size_t size = (count + 1) * NAME_SIZE;
+    const size_t size = 2 * (count + 1) * NAME_SIZE;
     APP_FREE char *text = app_alloc(size, 1);
-    size_t i = 0;
+    size_t i = 0, used = 0;
     LG_TRY(from->text(from->user, path, text, size));
     *out = app_keep(count, sizeof **out);
-    for (char *rest = NULL, *name = strtok_r(text, "|", &rest); name != NULL && i < count;
-         name = strtok_r(NULL, "|", &rest))
-        (void)snprintf((*out)[i++], NAME_SIZE, "%s", name);
-    return i < count ? LG_FORMAT : LG_OK;
+    for (const char *at = text; *at != '\0' && i < count; at++) {
+        if (*at == '|') {
+            i++, used = 0;
+            continue;
+        }
+        if (*at == '\\' && (at[1] == '|' || at[1] == '\\')) at++;
+        if (used + 1 < NAME_SIZE) (*out)[i][used++] = *at;
+    }
+    return i + (used > 0) < count ? LG_FORMAT : LG_OK;
 }
 
 static lg_status get_statistics(const app *self, lg_file_reader *reader, const char *prefix, size_t rows,

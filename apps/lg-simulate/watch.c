@@ -49,11 +49,9 @@ static double invariant(const watch *self, size_t i, const double *y) {
     return lg_system_invariant(self->sim->system, i, y, self->work);
 }
 
-/* Kinetic energy H(q, p) - H(q, 0); of a run that has gained energy, what it would have with the energy of
- * its start, so that a run that explodes is not its own measure. The momenta or velocities that are set to
- * zero: the second half of R^2n, an R^n behind another factor, the second group of numbers of the other
- * spaces, and all of so(3)*. */
-static void look_at_kinetic(watch *self, const double *y) {
+/* self->rest becomes y with momenta or velocities of zero: the second half of R^2n, an R^n behind another
+ * factor, the second group of numbers of the other spaces, and all of so(3)*. */
+static void put_to_rest(watch *self, const double *y) {
     const lg_space *space = lg_system_space(self->sim->system);
     double *rest = self->rest;
     memcpy(rest, y, self->sim->dim * sizeof *rest);
@@ -70,8 +68,24 @@ static void look_at_kinetic(watch *self, const double *y) {
         memset(rest + first, 0, (count - first) * sizeof *rest);
         rest += count;
     }
+}
+
+/* Kinetic energy H(q, p) - H(q, 0); of a run that has gained energy, what it would have with the energy of
+ * its start, so that a run that explodes is not its own measure. */
+static void look_at_kinetic(watch *self) {
     const double potential = invariant(self, 0, self->rest), kinetic = fabs(self->end[0] - potential);
     self->kinetic = fmax(self->kinetic, fmin(kinetic, fmax(self->start[0] - potential, self->kinetic)));
+}
+
+/* The distance from the manifold, and what it is compared with. Returns the distance at y. */
+static double look_at_manifold(watch *self, const double *y) {
+    const lg_space *space = lg_system_space(self->sim->system);
+    const double error = lg_space_manifold_error(space, y);
+    put_to_rest(self, y);
+    self->manifold = larger(self->manifold, error);
+    self->placed = larger(self->placed, lg_space_manifold_error(space, self->rest));
+    for (size_t i = 0; i < self->sim->dim; i++) self->size = fmax(self->size, fabs(y[i]));
+    return error;
 }
 
 void watch_begin(watch *self, const simulation *sim, bool traced, bool recorded, const double *y0) {
@@ -93,21 +107,21 @@ void watch_again(watch *self, const double *y0) {
         self->start[i] = self->end[i] = invariant(self, i, y0);
         self->drift[i] = 0;
     }
-    self->manifold = lg_space_manifold_error(lg_system_space(self->sim->system), y0);
-    self->kinetic = 0;
-    if (self->energetic) look_at_kinetic(self, y0);
+    self->manifold = self->placed = self->kinetic = 0;
+    self->size = 1;
+    (void)look_at_manifold(self, y0);
+    if (self->energetic) look_at_kinetic(self);
 }
 
 lg_status watch_step(void *user, double t, double h, const double *y) {
     watch *self = user;
     const double begin = app_seconds();
-    const double manifold = lg_space_manifold_error(lg_system_space(self->sim->system), y);
-    self->manifold = larger(self->manifold, manifold);
+    const double manifold = look_at_manifold(self, y);
     for (size_t i = 0; i < self->invariants; i++) {
         self->end[i] = invariant(self, i, y);
         self->drift[i] = larger(self->drift[i], fabs(self->end[i] - self->start[i]));
     }
-    if (self->energetic) look_at_kinetic(self, y);
+    if (self->energetic) look_at_kinetic(self);
     if (self->traced) {
         double *row = self->trace.rows + TRACE_MAX * self->trace.width; /* behind the rows */
         row[0] = t + h;
@@ -134,7 +148,7 @@ lg_status watch_step(void *user, double t, double h, const double *y) {
  * below ENERGY_ROUNDING times the energy is only rounding. */
 #define ENERGY_TOLD     0.1
 #define ENERGY_ROUNDING 1e-10
-/* Constraints are of size 1: |q|^2 = 1, R^T R = 1. */
+/* Constraints of positions are of size 1: |q|^2 = 1, R^T R = 1. The others, q.p = 0, have the unit of p. */
 #define MANIFOLD_TOLD 0.01
 
 bool watch_lost_energy(const watch *self, const lg_scheme *scheme) {
@@ -144,7 +158,7 @@ bool watch_lost_energy(const watch *self, const lg_scheme *scheme) {
 }
 
 bool watch_left_manifold(const watch *self) {
-    return self->manifold > MANIFOLD_TOLD;
+    return self->placed > MANIFOLD_TOLD || self->manifold > MANIFOLD_TOLD * self->size;
 }
 
 void watch_warn(const watch *self, const plan *how, const outcome *run) {

@@ -264,13 +264,15 @@ static void warn_of_misfit(const measuring *m, double loss) {
     if (m->steps == NULL || m->problem->points < FEWEST || !(left > small)) return;
     const double correlation = error_correlation(m);
     if (correlation > alike)
-        lg_log_message(m->context, LG_LOG_WARNING,
-                       "%sthe model does not explain the data: its error is %.2g %% of the motion (root mean "
-                       "square), and the errors of neighbouring steps are correlated (%.2f), as with a "
-                       "missing force, not as with noise; possible causes: damping or driving forces "
-                       "(lg-identify learns such machines), a network that is too small, a training that is "
-                       "too short, or steps that are too long (--substeps)",
-                       symmetry_first(m), 100.0 * sqrt(left), correlation);
+        lg_log_message(
+            m->context, LG_LOG_WARNING,
+            "%sthe model does not explain the data: its error is %.2g %% of the motion (root mean "
+            "square), and the errors of neighbouring steps are correlated (%.2f), as with a "
+            "missing force, not as with noise; possible causes: damping, driving forces or a kinetic "
+            "energy that this family does not have (lg-identify learns such machines), a network "
+            "that is too small, a training that is too short, or steps that are too long "
+            "(--substeps)",
+            symmetry_first(m), 100.0 * sqrt(left), correlation);
 }
 
 lg_status lg_hamiltonian_warn_of_drift(const lg_context *context, const lg_hamiltonian_problem *problem,

@@ -201,6 +201,18 @@ static double *rows_of(const char *name, hsize_t dims[3]) {
     "pendulums.yaml --ensemble 5000 --vary q=sphere,gravity=within:5% --event q1.z=0 --points 6 "            \
     "--save 2500 "
 
+TEST("merged columns have their names, also those with bars") {
+    static const char *const tasks[] = {"", "--task 0/2", "--task 1/2"};
+    cli_write("spin.yaml",
+              "system: rigid-body\ninertia: [1, 2, 3]\ninitial: {mu: [1, 0.1, 0.3]}\nt_end: 1\n");
+    for (size_t i = 0; i < LG_COUNT(tasks); i++)
+        json(test_text("spin.yaml --ensemble 40 --vary mu=around:5%% --points 3 --out spin.h5 %s", tasks[i]),
+             "members *");
+    json("merge merged.h5 spin.part-0-of-2.h5 spin.part-1-of-2.h5", "members 40");
+    assert_non_null(json_find(json_find(result.out, "end"), "drift of |mu|^2"));
+    assert_same("spin.h5", "merged.h5", "quantiles");
+}
+
 TEST("merged parts have the bits of a single process, with any number of threads") {
     static const char *const names[] = {"mean",
                                         "deviation",

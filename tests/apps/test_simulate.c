@@ -191,7 +191,14 @@ TEST("steps that are far too long cause a warning; good steps, short steps of Eu
         {"oscillator.yaml --method euler --steps 5", "far from the solution"},
         {"rigid.yaml", NULL},
         {"rest.yaml --method rkmk4 --steps 300", NULL},
+        {"nanometres.yaml", NULL},
+        {"nanometres.yaml --method rk4 --steps 20", "the state leaves the manifold"},
     };
+    cli_write(
+        "nanometres.yaml",
+        "system: pendulum-chain\nform: hamiltonian\ngravity: 9.81e9\nmasses: [1, 1.3]\n"
+        "lengths: [1e9, 0.8e9]\ninitial: {q: [[1, 0, 0], [0, 1, 0]], p: [[0, 1e18, 2e18], [3e18, 0, 1e18]]}\n"
+        "t_end: 3\n");
     cli_write("rest.yaml", "system: pendulum-chain\ngravity: 9.7\nmasses: [1.3, 0.7]\nlengths: [0.9, 1.1]\n"
                            "initial: {q: [[3e-8, 1e-8, -1], [2e-8, 0, -1]], omega: [[0, 0, 0], [0, 0, 0]]}\n"
                            "t_end: 10\n");
