@@ -153,6 +153,7 @@ TEST("wrong or missing parts of a file are refused by name") {
         {"parameters/scale", SCALAR(NAN), LG_NOT_FINITE, "~NaN"},
         {"functions/value", ARRAY(1, 100), LG_FORMAT, "integers"},
         {"functions/value", SCALAR(1), LG_FORMAT, "bytes"},
+        {"functions/value@sha256", TEXT("0"), LG_FORMAT, "~has changed"},
         /* texts from the file are not printed to the terminal unchanged */
         {"@format", TEXT("\x1b[2J\n"), LG_FORMAT, "?[2J?"},
         {"@format_version", WHOLE(3), LG_VERSION, "up to 2"},

@@ -94,6 +94,16 @@ static lg_status unpack(reading *r, const char *path, const char *name, const vo
     return lg_fail(r->error, status, "%s: /%s: %s", lg_shown_path(r->h5->path), path, why.message);
 }
 
+/* A byte that changed may be another function that can be read, too. */
+static lg_status check_hash(reading *r, const char *path, const void *bytes, size_t size) {
+    char hash[LG_SHA256_TEXT], stored[LG_SHA256_TEXT];
+    if (!lg_h5_has_attribute(r->h5, path, "sha256")) return LG_OK;
+    LG_TRY(lg_as_format(lg_h5_text(r->h5, path, "sha256", stored, sizeof stored, r->error), r->error));
+    lg_program_hash(bytes, size, hash);
+    return strcmp(hash, stored) == 0 ? LG_OK
+                                     : bad(r, path, "has changed: its attribute sha256 is of other bytes");
+}
+
 static lg_status get_function(reading *r, const char *name) {
     const lg_program_key at = lg_program_below("functions", name);
     lg_h5_about about;
@@ -104,6 +114,7 @@ static lg_status get_function(reading *r, const char *name) {
     LG_TRY(take(r, at.text, about.count, 1, &bytes.memory));
     LG_TRY(lg_as_format(lg_h5_get(r->h5, at.text, LG_ELEMENT_U8, 1, about.dims, bytes.memory, r->error),
                         r->error));
+    LG_TRY(check_hash(r, at.text, bytes.memory, (size_t)about.count));
     LG_TRY(unpack(r, at.text, name, bytes.memory, (size_t)about.count));
     if (lg_h5_has_attribute(r->h5, at.text, "fitted"))
         LG_TRY(lg_as_format(lg_h5_number(r->h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, r->error),

@@ -6,6 +6,13 @@
 
 #include "model/files/program_file.h"
 
+void lg_program_hash(const void *bytes, size_t size, char text[LG_SHA256_TEXT]) {
+    lg_sha256 state;
+    lg_sha256_init(&state);
+    lg_sha256_add(&state, bytes, size);
+    lg_sha256_finish(&state, text);
+}
+
 lg_program_key lg_program_below(const char *group, const char *name) {
     lg_program_key k;
     (void)snprintf(k.text, sizeof k.text, "%.180s/%.64s", group, name);
@@ -17,11 +24,14 @@ static lg_status put_function(lg_h5 *h5, const lg_program *program, size_t funct
     if (lg_function_image_create(program, function, &image) != LG_OK) return lg_h5_no_memory(h5, error);
     const lg_program_key at = lg_program_below("functions", lg_program_function_name(program, function));
     const int64_t fitted = 1;
+    char hash[LG_SHA256_TEXT];
     size_t size;
     LG_TRY(lg_function_pack(image, NULL, &size, error));
     LG_TRY_SCRATCH(char, bytes, h5->context, size, lg_h5_no_memory(h5, error));
     LG_TRY(lg_function_pack(image, bytes, &size, error));
     LG_TRY(lg_h5_put(h5, at.text, LG_ELEMENT_U8, 1, &(uint64_t){size}, bytes, error));
+    lg_program_hash(bytes, size, hash);
+    LG_TRY(lg_h5_put_text(h5, at.text, "sha256", hash, error));
     if (!lg_program_is_fitted(program, function)) return LG_OK;
     return lg_h5_put_number(h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, error);
 }
