@@ -5,7 +5,7 @@
 
 #include "lg-export/policy/policy.h"
 
-enum { PATHS = 8, SEGMENTS = 16, LOOP_STREAM = 12, PERIODS = 200 };
+enum { PATHS = 8, SEGMENTS = 16, LOOP_STREAM = 12 };
 
 /* ---- runs of the library ---- */
 
@@ -46,36 +46,6 @@ static void step(export_loop *l, bool single, double *x) {
 static void draw_starts(const export_policy_job *j, uint64_t stream, size_t count, lg_rng *rng, double *x) {
     lg_rng_seed(rng, j->source->options->seed, stream);
     EXPORT_MUST(j, lg_policy_starts(j->policy, rng, count, x, NULL, &error));
-}
-
-export_path export_loop_run(const export_policy_job *j, uint64_t stream, const double *noise,
-                            const double *more) {
-    const size_t n = j->given, steps = lg_policy_steps(j->policy),
-                 periods = steps < PERIODS ? steps : PERIODS;
-    const export_options *options = j->source->options;
-    export_loop l;
-    lg_rng rng;
-    APP_FREE double *x = app_alloc(j->state, sizeof *x);
-    export_path out = {app_keep((periods + 1) * 2 * n, sizeof *out.seen),
-                       app_keep(periods * j->inputs, sizeof *out.held),
-                       app_keep((periods + 1) * j->state, sizeof *out.state), periods};
-    open_loop(j, &l);
-    draw_starts(j, stream, 1, &rng, x);
-    for (size_t k = 0; k <= out.periods; k++) {
-        memcpy(out.state + k * j->state, x, j->state * sizeof *x);
-        step(&l, false, x);
-        for (size_t i = 0; i < 2 * n; i++) {
-            const double by = noise != NULL && i < n ? noise[i] * lg_rng_normal(&rng) : 0;
-            out.seen[k * 2 * n + i] = export_round(options, l.seen[i] + by);
-        }
-        for (size_t i = 0; i < j->inputs && k < out.periods; i++)
-            out.held[k * j->inputs + i] = export_round(options, l.x[j->state + i]);
-        for (size_t i = 0; more != NULL && i < n; i++)
-            x[n + i] += 0.3 * j->task->period * (more[i] - more[n + i] * l.seen[n + i]);
-        if (!(export_norm(x, NULL, j->state) < 1e6) && k < out.periods) out.periods = k > 0 ? k : 1;
-    }
-    close_loop(&l);
-    return out;
 }
 
 /* ---- golden segments of paths ---- */
