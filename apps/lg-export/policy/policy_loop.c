@@ -32,20 +32,16 @@ static void close_loop(export_loop *l) {
     for (size_t i = 0; i < EVALUATIONS; i++) export_evaluation_close(&l->e[i]);
 }
 
-/* Moves the state x by one period. `single`: the controller computes in single precision; the plant computes
- * in double precision. */
-static void step(export_loop *l, bool single, double *x) {
+/* Moves the state x. `single`: the controller computes in single precision; the plant computes in double
+ * precision. */
+static void move(export_loop *l, bool single, size_t periods, double *x) {
     const export_policy_job *j = l->job;
-    export_evaluate(&l->e[SENSED], x, l->seen);
-    memcpy(l->x, x, j->state * sizeof *x);
-    export_evaluate(&l->e[single ? NARROW : CONTROL], l->seen, l->x + j->state);
-    export_evaluate(&l->e[PERIOD], l->x, x);
-}
-
-/* Ends the command if the starts cannot be drawn. */
-static void draw_starts(const export_policy_job *j, uint64_t stream, size_t count, lg_rng *rng, double *x) {
-    lg_rng_seed(rng, j->source->options->seed, stream);
-    EXPORT_MUST(j, lg_policy_starts(j->policy, rng, count, x, NULL, &error));
+    for (size_t k = 0; k < periods; k++) {
+        export_evaluate(&l->e[SENSED], x, l->seen);
+        memcpy(l->x, x, j->state * sizeof *x);
+        export_evaluate(&l->e[single ? NARROW : CONTROL], l->seen, l->x + j->state);
+        export_evaluate(&l->e[PERIOD], l->x, x);
+    }
 }
 
 /* ---- golden segments of paths ---- */
@@ -56,16 +52,13 @@ typedef struct golden {
     double tolerance;
 } golden;
 
-static void move(export_loop *l, bool single, size_t periods, double *x) {
-    for (size_t k = 0; k < periods; k++) step(l, single, x);
-}
-
 /* States of the exported type, at different times of runs from random starts. */
 static void draw_states(export_loop *l, golden *g) {
     const export_policy_job *j = l->job;
     const size_t n = j->state, steps = lg_policy_steps(j->policy);
     lg_rng rng;
-    draw_starts(j, LOOP_STREAM, g->count, &rng, g->x);
+    lg_rng_seed(&rng, j->source->options->seed, LOOP_STREAM);
+    EXPORT_MUST(j, lg_policy_starts(j->policy, &rng, g->count, g->x, NULL, &error));
     for (size_t i = 0; i < g->count; i++) {
         memcpy(g->y, g->x + i * n, n * sizeof *g->y);
         move(l, false, i % SEGMENTS * steps / SEGMENTS, g->y);
