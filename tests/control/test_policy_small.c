@@ -163,17 +163,23 @@ TEST("the mean cost is the mean of the runs' costs, and a run costs what its per
     const lg_policy *policy = make_small(&task, &usual);
     enum { N = 70 };
     for (int test = LG_POLICY_NOMINAL; test <= LG_POLICY_DISTURBED; test++) {
-        double cost[N], costs[2 * N], x[2 * N], motion[3 * N * 2], sum = 0;
+        double cost[N], costs[2 * N], x[2 * N], motion[3 * N * 2], saturated[N], sum = 0, share = 0;
         bool succeeded[N];
-        lg_policy_runs runs = {
-            .x = x, .cost = cost, .succeeded = succeeded, .costs = costs, .motion = motion};
+        lg_policy_runs runs = {.x = x,
+                               .cost = cost,
+                               .succeeded = succeeded,
+                               .saturated = saturated,
+                               .costs = costs,
+                               .motion = motion};
         lg_policy_outcome outcome;
         assert_told(lg_policy_evaluate(policy, (lg_policy_test)test, N, 3, 1, &outcome, &runs, &told));
         for (size_t i = 0; i < N; i++) {
             sum += cost[i] / N;
+            share += saturated[i] / N;
             assert_close(cost[i], costs[i] + costs[N + i], 1e-12, 0.0);
         }
         assert_close(outcome.cost_mean, sum, 1e-12, 0.0);
+        assert_close(outcome.saturated, share, 1e-12, 0.0);
         assert_memory_equal(x, motion + 2 * N * 2, sizeof x);
     }
     lg_policy_outcome outcome;
