@@ -11,7 +11,7 @@ static void interval(uint64_t k, uint64_t n, double *low, double *high) {
     const double share = (double)k / (double)n, N = (double)n, by = 1.0 + z * z / N;
     const double centre = share + z * z / (2.0 * N),
                  half = z * sqrt(share * (1.0 - share) / N + z * z / (4.0 * N * N));
-    *low = (centre - half) / by, *high = (centre + half) / by;
+    *low = fmax((centre - half) / by, 0.0), *high = fmin((centre + half) / by, 1.0); /* but for rounding */
 }
 
 static void summarise(const lg_policy_runs *runs, double *sorted, lg_policy_outcome *out) {

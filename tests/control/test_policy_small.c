@@ -183,6 +183,9 @@ TEST("the mean cost is the mean of the runs' costs, and a run costs what its per
         assert_memory_equal(x, motion + 2 * N * 2, sizeof x);
     }
     lg_policy_outcome outcome;
+    assert_told(lg_policy_evaluate(policy, LG_POLICY_NOMINAL, 40, 3, 1, &outcome, NULL, &told));
+    assert_int_equal(outcome.succeeded, 40);
+    assert_true(outcome.success_low > 0.9 && outcome.success_high <= 1);
     assert_status(lg_policy_evaluate(policy, LG_POLICY_NOMINAL, 0, 3, 1, &outcome, NULL, NULL),
                   LG_INVALID_ARGUMENT);
     assert_status(lg_policy_evaluate(policy, LG_POLICY_NOMINAL, 10000001, 3, 1, &outcome, NULL, NULL),
