@@ -60,11 +60,13 @@ static certify_values values;
 
 /* ---- names ---- */
 
+enum { STATES = 2 * LG_POLICY_COORDINATES };
+
 typedef struct naming {
     const lg_policy_task *task;
     const char *plant;   /* path of the task's plant; NULL: there is a trained policy, no task */
     size_t n, positions; /* numbers of z: positions that are not free, then velocities */
-    const lg_policy_coordinate *of[2 * LG_POLICY_COORDINATES]; /* of each number */
+    const lg_policy_coordinate *of[STATES]; /* of each number */
 } naming;
 
 static const char *name_of(naming names, size_t i) {
@@ -97,7 +99,7 @@ static size_t find_state(const app *self, naming names, const char *option, cons
 
 /* "NAME=number,..." */
 static void read_states(const app *self, naming names, const char *option, const char *given, double *out) {
-    bool seen[2 * LG_POLICY_COORDINATES] = {false};
+    bool seen[STATES] = {false};
     APP_FREE char *text = app_format("%s", given);
     char *rest = NULL;
     for (char *entry = strtok_r(text, ",", &rest); entry != NULL; entry = strtok_r(NULL, ",", &rest)) {
@@ -383,48 +385,27 @@ static char *name_all(naming names) {
 
 /* ---- proofs ---- */
 
-/* `what`: what was compared, and where. */
-static void tell_energy(app *self, naming names, const char *what, double start, verdict *v) {
-    APP_FREE char *more = app_format(" That %s, it was not proved.", what);
-    APP_FREE char *claim = tell_claim(self, names, false, false, v->r.claim, more);
-    v->r.claim = claim;
-    v->r.converges = v->r.verified;
-    v->r.seconds = app_seconds() - start;
-    tell(self, names, v);
-}
-
-static void prove_energy(app *self, lg_policy *policy, naming names) {
+static verdict prove_slope(const app *self, lg_policy *policy, lg_certify_energy_result *r) {
     lg_certify_energy_spec spec;
-    lg_certify_energy_result r;
-    double low[2 * LG_POLICY_COORDINATES], high[2 * LG_POLICY_COORDINATES];
-    const double start = app_seconds();
-    read_box(self, names, low, high); /* only its names are checked: the proof is for every state */
     lg_policy_slope loop;
     APP_MUST(self, lg_policy_add_slope(policy, &loop, &error));
     lg_certify_energy_spec_init(&spec);
     spec.program = lg_policy_program(policy), spec.slope = "slope";
     spec.damping = loop.damping, spec.gain = loop.gain, spec.saturated = loop.saturated;
-    APP_DO(self, lg_certify_energy, &spec, &r);
-    verdict v = {.r = {.verified = r.verified,
-                       .boxes = r.boxes,
-                       .claim = r.claim,
-                       .reason = r.reason,
-                       .failed_low = &r.failed_low,
-                       .failed_high = &r.failed_high},
-                 .global = true,
-                 .margin = r.margin,
-                 .sides = 1};
-    tell_energy(self, names,
-                "the mass, the damping and the map of the input are constant was compared at several states",
-                start, &v);
+    APP_DO(self, lg_certify_energy, &spec, r);
+    return (verdict){.r = {.verified = r->verified,
+                           .boxes = r->boxes,
+                           .claim = r->claim,
+                           .reason = r->reason,
+                           .failed_low = &r->failed_low,
+                           .failed_high = &r->failed_high},
+                     .global = true,
+                     .margin = r->margin,
+                     .sides = 1};
 }
 
-static void prove_rotation(app *self, lg_policy *policy, naming names) {
+static verdict prove_turn(const app *self, const lg_policy *policy, lg_certify_rotation_result *r) {
     lg_certify_rotation_spec spec;
-    lg_certify_rotation_result r;
-    const double start = app_seconds();
-    if (values.box != NULL)
-        app_stop_usage(self, "--box: the energy on rotations has its own set: {V < level}");
     lg_policy_turn loop;
     APP_MUST(self, lg_policy_find_turn(policy, &loop, &error));
     lg_certify_rotation_spec_init(&spec);
@@ -433,13 +414,32 @@ static void prove_rotation(app *self, lg_policy *policy, naming names) {
     memcpy(spec.map, loop.map, sizeof spec.map);
     memcpy(spec.gains, loop.gains, sizeof spec.gains);
     memcpy(spec.limit, loop.limit, sizeof spec.limit);
-    APP_MUST(self, lg_certify_rotation(&spec, &r, &error));
-    verdict v = {.r = {.verified = r.verified, .level = r.level, .claim = r.claim, .reason = r.reason},
-                 .margin = r.angle};
-    tell_energy(self, names,
-                "the inertia, the damping and the map of the inputs are constant was compared at "
-                "several rotations",
-                start, &v);
+    APP_MUST(self, lg_certify_rotation(&spec, r, &error));
+    return (verdict){
+        .r = {.verified = r->verified, .level = r->level, .claim = r->claim, .reason = r->reason},
+        .margin = r->angle};
+}
+
+/* One coordinate: V is the energy. */
+static void prove_energy(app *self, lg_policy *policy, naming names) {
+    static const char *const compared[] = {
+        "mass, the damping and the map of the input are constant was compared at several states",
+        "inertia, the damping and the map of the inputs are constant was compared at several rotations"};
+    const bool turns = names.task->coordinate[0].motion == LG_POLICY_ROTATION;
+    lg_certify_energy_result slope;
+    lg_certify_rotation_result turn;
+    double low[STATES], high[STATES];
+    const double start = app_seconds();
+    if (turns && values.box != NULL)
+        app_stop_usage(self, "--box: the energy on rotations has its own set: {V < level}");
+    read_box(self, names, low, high); /* only its names are checked: the proof is for every state */
+    verdict v = turns ? prove_turn(self, policy, &turn) : prove_slope(self, policy, &slope);
+    APP_FREE char *more = app_format(" That the %s, it was not proved.", compared[turns]);
+    APP_FREE char *claim = tell_claim(self, names, false, false, v.r.claim, more);
+    v.r.claim = claim;
+    v.r.converges = v.r.verified;
+    v.r.seconds = app_seconds() - start;
+    tell(self, names, &v);
 }
 
 /* Whether a plant that is a program has this function of its state x; the goal must be 0, so that z = x. */
@@ -476,8 +476,6 @@ static void add_polynomial(const app *self, lg_program *program, naming names, d
     }
     app_must(self, status, &error);
 }
-
-enum { STATES = 2 * LG_POLICY_COORDINATES };
 
 /* What is to be proved. */
 typedef struct wanted {
@@ -693,8 +691,7 @@ static void run(app *self) {
     naming names = name_states(lg_policy_task_of(policy));
     names.plant = source;
     check_delays(self, names.task);
-    const bool turns = names.task->coordinate[0].motion == LG_POLICY_ROTATION;
-    (values.lyapunov != ENERGY ? prove : turns ? prove_rotation : prove_energy)(self, policy, names);
+    (values.lyapunov == ENERGY ? prove_energy : prove)(self, policy, names);
     lg_policy_destroy(policy);
 }
 

@@ -167,6 +167,9 @@ typedef struct lg_policy_function {
     const char *in[5], *out[4];
 } lg_policy_function;
 lg_status lg_policy_add_row(const lg_policy *policy, const lg_policy_function *row, lg_error *error);
+/* The same with another `user` than the policy. */
+lg_status lg_policy_add_row_with(const lg_policy *policy, const lg_policy_function *row, const void *user,
+                                 lg_error *error);
 /* Adds a function of policy_program.c by its name, or its adjoint: adj1_NAME.
  *   disturbed_regulator  (s, K, noise, late) -> next, cost, u; lg_policy_add_regulated adds it for a
  *                        disturbed task
@@ -204,6 +207,38 @@ LG_API void lg_policy_plans_destroy(lg_policy_plans *plans);
 /* Rows of the plans that run batches: a batch is cut into pieces of so many rows, whatever the number of
  * threads. */
 #define LG_POLICY_ROWS 64
+
+/* ---- observer and adaptation (policy_observe.c, policy_adapt.c): functions with a memory, for plants of
+ * lines and angles whose state is positions and one momentum for each, n = layout.given ---- */
+
+/* Standard deviations of the sensors' noise, and of what velocities stray from the machine's in a period.
+ * tiny: the smallest normal number of the type in which the function runs */
+typedef struct lg_policy_filter {
+    const lg_policy *policy;
+    double sensor[LG_POLICY_COORDINATES], drift[LG_POLICY_COORDINATES], tiny;
+} lg_policy_filter;
+/* Adds observe_step (x, u) -> next, its Jacobian, and observe (seen, u, memory) -> kept. They call
+ * sensed_by_control, which the program must have. */
+LG_API lg_status lg_policy_add_observer(const lg_policy_filter *filter, lg_error *error);
+
+/* Of each velocity: the numbers that are found (damping, Coulomb friction, offset, inertia), and the numbers
+ * of its memory */
+enum { LG_POLICY_FOUND = 4, LG_POLICY_ADAPT = LG_POLICY_FOUND * (LG_POLICY_FOUND + 1) };
+/* Sizes of forces and of velocities, ranges of the numbers, and the share of the memory that a period
+ * keeps; tiny as above */
+typedef struct lg_policy_adaptation {
+    const lg_policy *policy;
+    double scale[LG_POLICY_COORDINATES], speed[LG_POLICY_COORDINATES],
+        range[LG_POLICY_COORDINATES][LG_POLICY_FOUND], keep, tiny;
+} lg_policy_adaptation;
+LG_API extern const double lg_policy_adapt_lowest[LG_POLICY_FOUND]; /* of a number in its range; most: 1 */
+/* Sets sizes and ranges from a run: states and what the controller sees (periods + 1, 2 n). */
+LG_API void lg_policy_find_ranges(lg_policy_adaptation *a, const double *state, const double *seen,
+                                  size_t periods);
+LG_API lg_status lg_policy_add_adaptation(const lg_policy_adaptation *a, lg_error *error);
+/* Record the plant's state from positions and velocities; 1/x, or 0 where x is below `tiny`. */
+lg_var lg_policy_record_state(lg_tape *tape, const lg_policy *policy, lg_var x);
+lg_var lg_policy_record_inverse(lg_tape *tape, double tiny, lg_var x);
 
 /* ---- machines of one coordinate (policy_rotation.c) ---- */
 
@@ -246,8 +281,8 @@ typedef struct lg_policy_trial {
     uint64_t seed; /* of the disturbances */
     int threads;
 } lg_policy_trial;
-lg_status lg_policy_run(const lg_policy *policy, const lg_policy_trial *trial, lg_policy_runs *runs,
-                        lg_error *error);
+LG_API lg_status lg_policy_run(const lg_policy *policy, const lg_policy_trial *trial, lg_policy_runs *runs,
+                               lg_error *error);
 /* Runs over task.within from the states x (n, state), and what they show; `wanted` as in
  * lg_policy_evaluate. */
 lg_status lg_policy_try(const lg_policy *policy, const lg_policy_trial *trial, const double *x, size_t n,

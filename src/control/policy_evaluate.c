@@ -11,7 +11,7 @@ static void interval(uint64_t k, uint64_t n, double *low, double *high) {
     const double share = (double)k / (double)n, N = (double)n, by = 1.0 + z * z / N;
     const double centre = share + z * z / (2.0 * N),
                  half = z * sqrt(share * (1.0 - share) / N + z * z / (4.0 * N * N));
-    *low = (centre - half) / by, *high = (centre + half) / by;
+    *low = fmax((centre - half) / by, 0.0), *high = fmin((centre + half) / by, 1.0); /* but for rounding */
 }
 
 static void summarise(const lg_policy_runs *runs, double *sorted, lg_policy_outcome *out) {
@@ -36,14 +36,13 @@ lg_status lg_policy_try(const lg_policy *p, const lg_policy_trial *trial, const 
     lg_policy_runs runs = wanted != NULL ? *wanted : (lg_policy_runs){.count = 0};
     runs.count = n, runs.steps = lg_policy_periods(p, p->task.within);
     runs.x = memcpy(memory, x, n * p->state * sizeof *x);
-    runs.cost = runs.x + n * p->state, runs.saturated = runs.cost + n;
-    runs.succeeded = held;
+    if (runs.cost == NULL) runs.cost = memory + n * p->state;
+    if (runs.saturated == NULL) runs.saturated = memory + n * (p->state + 1);
+    if (runs.succeeded == NULL) runs.succeeded = held;
     LG_TRY(lg_policy_run(p, trial, &runs, error));
-    summarise(&runs, runs.saturated + n, out);
+    summarise(&runs, memory + n * (p->state + 2), out);
     if (wanted == NULL) return LG_OK;
     wanted->count = n, wanted->steps = runs.steps;
-    if (wanted->cost != NULL) memcpy(wanted->cost, runs.cost, n * sizeof *runs.cost);
-    if (wanted->succeeded != NULL) memcpy(wanted->succeeded, held, n * sizeof *held);
     if (wanted->x != NULL) memcpy(wanted->x, runs.x, n * p->state * sizeof *runs.x);
     return LG_OK;
 }

@@ -38,6 +38,10 @@ static lg_port port_of(const lg_policy *p, const char *name) {
                {"s", {"s", lg_shape1(p->state + m), .low = x.low, .high = x.high}},
                {"noise", {"noise", lg_shape1(l->noise), .low = -0.1, .high = 0.1}},
                {"late", {"late", lg_shape1(1), .low = 0, .high = 1}},
+               {"measured", {"seen", lg_shape1(2 * l->given), .low = 0}},
+               {"estimate", {"memory", lg_shape1(2 * l->given * (2 * l->given + 1)), .low = 0}},
+               {"next", {"next", lg_shape1(l->given + l->velocities), .low = -1, .high = 1}},
+               {"found", {"memory", lg_shape1(LG_POLICY_ADAPT * l->velocities), .low = 0}},
                {"reference", {"reference", lg_shape1(references), .low = -1, .high = 1}},
                {"y", {"y", lg_shape1(m), .low = -1, .high = 1}},
                {"how", {"how", lg_shape1(LG_POLICY_PLANNED), .low = 0, .high = 1}}};
@@ -46,7 +50,8 @@ static lg_port port_of(const lg_policy *p, const char *name) {
     return all[i].port;
 }
 
-lg_status lg_policy_add_row(const lg_policy *p, const lg_policy_function *row, lg_error *error) {
+lg_status lg_policy_add_row_with(const lg_policy *p, const lg_policy_function *row, const void *user,
+                                 lg_error *error) {
     lg_port in[4], out[3] = {{0}};
     size_t ins = 0, outs = 0;
     for (int k = 0; row->in[k] != NULL; k++) {
@@ -54,6 +59,10 @@ lg_status lg_policy_add_row(const lg_policy *p, const lg_policy_function *row, l
         ins += lg_shape_count(in[ins].shape) > 0;
     }
     for (; row->out[outs] != NULL; outs++) out[outs].name = row->out[outs];
-    const lg_function_spec spec = {row->name, in, ins, out, outs, row->record, (void *)(uintptr_t)p};
+    const lg_function_spec spec = {row->name, in, ins, out, outs, row->record, (void *)(uintptr_t)user};
     return lg_program_add_function(p->program, &spec, error);
+}
+
+lg_status lg_policy_add_row(const lg_policy *p, const lg_policy_function *row, lg_error *error) {
+    return lg_policy_add_row_with(p, row, p, error);
 }

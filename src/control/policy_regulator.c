@@ -6,7 +6,6 @@
 
 #include "control/policy.h"
 #include "core/median.h"
-#include "kernels/lapack.h"
 #include "kernels/matrix.h"
 #include "liegrad/control.h"
 #include "liegrad/minimise.h"
@@ -214,20 +213,9 @@ static lg_status solve(const design *d, const weights *w, double *K, double *P, 
     return LG_OK;
 }
 
-/* Upper triangular C with P = C^T C. */
-static bool root(uint32_t n, const double *P, double *C) {
-    const int size = (int)n;
-    int info;
-    memcpy(C, P, (size_t)n * n * sizeof *C);
-    dpotrf_("L", &size, C, &size, &info); /* row-major: the upper triangle */
-    for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = 0; j < i; j++) C[i * n + j] = 0.0;
-    return info == 0;
-}
-
 /* Samples on shells of V = z^T P z, in equal ratios from V = top to `least` times top; z is drawn by
- * direction. */
-static void draw_shells(const design *d, const double *C, double top, double least, uint64_t stream,
+ * direction. P = L L^T */
+static void draw_shells(const design *d, const double *L, double top, double least, uint64_t stream,
                         double *V) {
     lg_rng rng;
     lg_rng_seed(&rng, d->seed, stream);
@@ -235,10 +223,10 @@ static void draw_shells(const design *d, const double *C, double top, double lea
         double *z = d->z + s * d->n, y[LG_POLICY_ERRORS], length = 0.0;
         for (uint32_t i = 0; i < d->n; i++) y[i] = lg_rng_normal(&rng), length += y[i] * y[i];
         V[s] = top * pow(least, (double)s / SAMPLES);
-        for (uint32_t i = d->n; i-- > 0;) { /* C z = y */
+        for (uint32_t i = d->n; i-- > 0;) { /* L^T z = y */
             z[i] = y[i] * sqrt(V[s] / length);
-            for (uint32_t j = i + 1; j < d->n; j++) z[i] -= C[i * d->n + j] * z[j];
-            z[i] /= C[i * d->n + i];
+            for (uint32_t j = i + 1; j < d->n; j++) z[i] -= L[j * d->n + i] * z[j];
+            z[i] /= L[i * d->n + i];
         }
     }
 }
@@ -264,11 +252,11 @@ static lg_status measure(const design *d, const double *P, double *V) {
 static lg_status least_failure(const design *d, const double *K, const double *P, double top, double least,
                                uint64_t stream, double *failing) {
     const lg_policy *p = d->policy;
-    double C[LG_POLICY_ERRORS * LG_POLICY_ERRORS], V[SAMPLES];
-    if (!root(d->n, P, C)) return *failing = 0.0, LG_OK;
+    double L[LG_POLICY_ERRORS * LG_POLICY_ERRORS], V[SAMPLES];
+    if (!lg_matrix_cholesky(d->n, P, L)) return *failing = 0.0, LG_OK;
     const lg_policy_trial trial = {
         .gain = K, .disturbed = lg_policy_is_disturbed(&p->task), .seed = d->seed + stream, .threads = 1};
-    draw_shells(d, C, top, least, stream, V);
+    draw_shells(d, L, top, least, stream, V);
     LG_TRY(measure(d, P, V));
     lg_policy_runs runs = {
         .count = SAMPLES, .steps = lg_policy_periods(p, p->task.within), .x = d->x, .succeeded = d->held};

@@ -1,6 +1,7 @@
 /* Policies of one coordinate with runs of two periods. A test takes milliseconds, so that runs with failing
  * calls reach every allocation. Where a machine cannot have a fault, the plant of this file has it.
  * ctest-labels: src/control */
+#include <float.h>
 #include <unistd.h>
 
 #include "autodiff/program_support.h"
@@ -162,20 +163,29 @@ TEST("the mean cost is the mean of the runs' costs, and a run costs what its per
     const lg_policy *policy = make_small(&task, &usual);
     enum { N = 70 };
     for (int test = LG_POLICY_NOMINAL; test <= LG_POLICY_DISTURBED; test++) {
-        double cost[N], costs[2 * N], x[2 * N], motion[3 * N * 2], sum = 0;
+        double cost[N], costs[2 * N], x[2 * N], motion[3 * N * 2], saturated[N], sum = 0, share = 0;
         bool succeeded[N];
-        lg_policy_runs runs = {
-            .x = x, .cost = cost, .succeeded = succeeded, .costs = costs, .motion = motion};
+        lg_policy_runs runs = {.x = x,
+                               .cost = cost,
+                               .succeeded = succeeded,
+                               .saturated = saturated,
+                               .costs = costs,
+                               .motion = motion};
         lg_policy_outcome outcome;
         assert_told(lg_policy_evaluate(policy, (lg_policy_test)test, N, 3, 1, &outcome, &runs, &told));
         for (size_t i = 0; i < N; i++) {
             sum += cost[i] / N;
+            share += saturated[i] / N;
             assert_close(cost[i], costs[i] + costs[N + i], 1e-12, 0.0);
         }
         assert_close(outcome.cost_mean, sum, 1e-12, 0.0);
+        assert_close(outcome.saturated, share, 1e-12, 0.0);
         assert_memory_equal(x, motion + 2 * N * 2, sizeof x);
     }
     lg_policy_outcome outcome;
+    assert_told(lg_policy_evaluate(policy, LG_POLICY_NOMINAL, 40, 3, 1, &outcome, NULL, &told));
+    assert_int_equal(outcome.succeeded, 40);
+    assert_true(outcome.success_low > 0.9 && outcome.success_high <= 1);
     assert_status(lg_policy_evaluate(policy, LG_POLICY_NOMINAL, 0, 3, 1, &outcome, NULL, NULL),
                   LG_INVALID_ARGUMENT);
     assert_status(lg_policy_evaluate(policy, LG_POLICY_NOMINAL, 10000001, 3, 1, &outcome, NULL, NULL),
@@ -572,5 +582,71 @@ TEST("a search of inputs finds none that cost more than the policy's") {
         lg_policy_gap gap[2];
         assert_told(lg_policy_find_gaps(of_kind((lg_policy_kind)kind), 2, 1, 0, gap, NULL, &told));
         for (int i = 0; i < 2; i++) assert_true(gap[i].best <= gap[i].cost && gap[i].ratio >= 1);
+    }
+}
+
+/* ---- observer and adaptation: functions of the policy's program ---- */
+
+/* The machine is linear: the filter is Kalman's, here in its plain form. One measurement is missing. */
+TEST("the observer of a linear machine is Kalman's filter") {
+    static const double s = 0.02, drift = 0.03;
+    const lg_policy *policy = of_kind(LG_POLICY_LQR);
+    const double h = policy->task.period, F[2][2] = {{1, h}, {0, 1 - h * usual.damping}};
+    const lg_policy_filter filter = {.policy = policy, .sensor = {s}, .drift = {drift}, .tiny = DBL_MIN};
+    double memory[6] = {0.3, 0, s, 0, 0, 1}, kept[6], x[2] = {0.3, 0}, P[2][2] = {{s * s, 0}, {0, 1}};
+    lg_rng rng = test_rng(2, 3);
+    assert_told(lg_policy_add(policy, "sensed_by_control", &told));
+    assert_told(lg_policy_add_observer(&filter, &told));
+    for (int k = 0; k < 40; k++) {
+        const double u = sin(0.5 * k), seen[2] = {lg_rng_normal(&rng), k != 20}, f = x[1];
+        double A[2][2] = {{0}}, gain[2];
+        assert_told(lg_program_eval(NULL, policy->program, "observe", 1,
+                                    (const double *const[]){seen, &u, memory}, (double *const[]){kept},
+                                    &told));
+        memcpy(memory, kept, sizeof memory);
+        for (int i = 0; i < 2; i++)
+            for (int j = 0; j < 2; j++)
+                for (int l = 0; l < 4; l++) A[i][j] += F[i][l / 2] * P[l / 2][l % 2] * F[j][l % 2];
+        A[1][1] += drift * drift;
+        x[0] += h * f, x[1] += h * (force * u - usual.damping * f);
+        for (int i = 0; i < 2; i++) gain[i] = seen[1] * A[i][0] / (A[0][0] + s * s);
+        const double away = seen[0] - x[0];
+        for (int i = 0; i < 2; i++) x[i] += gain[i] * away;
+        for (int i = 0; i < 4; i++) P[i / 2][i % 2] = A[i / 2][i % 2] - gain[i / 2] * A[0][i % 2];
+        for (int i = 0; i < 2; i++) assert_close(memory[i], x[i], 1e-10, 1e-10);
+        for (int i = 0; i < 4; i++) {
+            const double *a = memory + 2 + 2 * (i / 2), *b = memory + 2 + 2 * (i % 2);
+            assert_close(a[0] * b[0] + a[1] * b[1], P[i / 2][i % 2], 1e-9, 1e-12);
+        }
+    }
+}
+
+/* The plant has more damping, an offset and more mass than the machine. */
+TEST("the adaptation finds damping, an offset and a payload in runs of the library") {
+    enum { PERIODS = 400 };
+    static const double more[LG_POLICY_FOUND] = {0.2, 0, 0.3, 0.4};
+    const lg_policy *policy = of_kind(LG_POLICY_LQR);
+    const double h = policy->task.period;
+    double state[2 * (PERIODS + 1)] = {0}, memory[LG_POLICY_ADAPT] = {0}, kept[LG_POLICY_ADAPT];
+    lg_policy_adaptation a = {.policy = policy, .keep = exp(-h / 100), .tiny = DBL_MIN};
+    double *x = state, *next = state;
+    for (int k = 0; k < PERIODS; k++, x += 2) {
+        const double u = 2 * sin(0.37 * k) + sin(0.11 * k);
+        const double rate = (force * u - (usual.damping + more[0]) * x[1] + more[2]) / (1 + more[3]);
+        x[2] = x[0] + h * x[1], x[3] = x[1] + h * rate;
+    }
+    lg_policy_find_ranges(&a, state, state, PERIODS); /* the mass is 1: momenta are velocities */
+    assert_told(lg_policy_add_adaptation(&a, &told));
+    for (int k = 0; k < LG_POLICY_FOUND; k++) memory[LG_POLICY_FOUND + 5 * k] = 1;
+    for (int k = 0; k < PERIODS; k++, next += 2) {
+        const double u = 2 * sin(0.37 * k) + sin(0.11 * k);
+        assert_told(lg_program_eval(NULL, policy->program, "adapt", 1,
+                                    (const double *const[]){next, &u, next + 2, memory},
+                                    (double *const[]){kept}, &told));
+        memcpy(memory, kept, sizeof memory);
+    }
+    for (int k = 0; k < LG_POLICY_FOUND; k++) {
+        print_message("%.4f of %g\n", a.range[0][k] * memory[k], more[k]);
+        assert_close(a.range[0][k] * memory[k], more[k], 0.1, 0.05);
     }
 }

@@ -1,8 +1,6 @@
 /* Controllers: the function `control`, words about it, and a self-test with a closed loop. */
 #include "lg-export/policy/policy.h"
-#include "liegrad/ops.h"
 
-#include <float.h>
 #include <string.h>
 
 /* ---- words ---- */
@@ -106,56 +104,6 @@ lg_program *export_policy_load(const app *self, const char *path, export_source 
     return j.program;
 }
 
-/* ---- functions around the policy ---- */
-
-void export_policy_simple(const export_policy_job *j, const char *function) {
-    for (uint32_t i = 0; i < j->task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &j->task->coordinate[i];
-        if (c->motion > LG_POLICY_ANGLE)
-            app_stop_usage(j->self,
-                           "--functions %s: '%s' is a %s; this is for plants of lines and angles only",
-                           function, c->name, lg_policy_motion_row_of(c->motion)->name);
-    }
-    if (j->velocities == j->given && j->state == 2 * j->given) return;
-    app_stop_usage(j->self,
-                   "--functions %s: the plant's state must be positions and one momentum for each position, "
-                   "without lags of inputs",
-                   function);
-}
-
-export_memory *export_policy_keep(export_policy_job *j, const char *function, size_t numbers) {
-    export_source *source = j->source;
-    APP_FREE char *declarations = app_format("%s.cin", function);
-    export_memory *run = &source->run[source->runs++];
-    *run = (export_memory){.function = function,
-                           .start = app_keep(numbers, sizeof *run->start),
-                           .numbers = numbers,
-                           .work = numbers};
-    lg_text_add_named(&j->declarations, source->options->name, export_fragment_text(declarations));
-    source->stack += 200;
-    source->calls++;
-    return run;
-}
-
-void export_policy_start(const export_policy_job *j, const export_memory *run) {
-    APP_FREE char *name = app_format("%s_first", run->function);
-    export_reals(j->source, &j->source->further_code, name, run->start, run->numbers);
-    lg_text_add_named(&j->source->further_code, j->source->options->name,
-                      export_fragment_text(run->function));
-}
-
-lg_var export_policy_state(lg_tape *tape, const export_policy_job *j, lg_var x) {
-    const uint32_t n = (uint32_t)j->given;
-    const lg_var parts[] = {lg_slice(tape, x, 1, 0, n), lg_slice(tape, x, 1, n, n)};
-    return lg_program_call(tape, "momenta", 0, parts);
-}
-
-lg_var export_policy_inverse(lg_tape *tape, const export_policy_job *j, lg_var x) {
-    const double tiny = j->source->options->dtype == LG_F32 ? (double)FLT_MIN : DBL_MIN;
-    const lg_var least = lg_input_f64(tape, lg_shape2(1, 1), &tiny);
-    return lg_div(tape, lg_ge(tape, x, least), lg_max(tape, x, least));
-}
-
 /* ---- C ---- */
 
 static void prepare_program(export_policy_job *j) {
@@ -164,6 +112,10 @@ static void prepare_program(export_policy_job *j) {
     const size_t lost = j->source->lost;
     APP_MUST(j->self, export_round_parameters(j->source, j->program));
     j->source->lost = lost;
+    if (j->policy->parameters > 0) /* The library's runs use the rounded ones too. */
+        memcpy(j->policy->theta,
+               lg_program_parameter(j->program, lg_program_parameters(j->program) - 1).values,
+               j->policy->parameters * sizeof *j->policy->theta);
 }
 
 static bool is_named(const char *list, const char *name) {

@@ -5,7 +5,7 @@
 
 #include "lg-export/policy/policy.h"
 
-enum { PATHS = 8, SEGMENTS = 16, LOOP_STREAM = 12, PERIODS = 200 };
+enum { PATHS = 8, SEGMENTS = 16, LOOP_STREAM = 12 };
 
 /* ---- runs of the library ---- */
 
@@ -32,50 +32,16 @@ static void close_loop(export_loop *l) {
     for (size_t i = 0; i < EVALUATIONS; i++) export_evaluation_close(&l->e[i]);
 }
 
-/* Moves the state x by one period. `single`: the controller computes in single precision; the plant computes
- * in double precision. */
-static void step(export_loop *l, bool single, double *x) {
+/* Moves the state x. `single`: the controller computes in single precision; the plant computes in double
+ * precision. */
+static void move(export_loop *l, bool single, size_t periods, double *x) {
     const export_policy_job *j = l->job;
-    export_evaluate(&l->e[SENSED], x, l->seen);
-    memcpy(l->x, x, j->state * sizeof *x);
-    export_evaluate(&l->e[single ? NARROW : CONTROL], l->seen, l->x + j->state);
-    export_evaluate(&l->e[PERIOD], l->x, x);
-}
-
-/* Ends the command if the starts cannot be drawn. */
-static void draw_starts(const export_policy_job *j, uint64_t stream, size_t count, lg_rng *rng, double *x) {
-    lg_rng_seed(rng, j->source->options->seed, stream);
-    EXPORT_MUST(j, lg_policy_starts(j->policy, rng, count, x, NULL, &error));
-}
-
-export_path export_loop_run(const export_policy_job *j, uint64_t stream, const double *noise,
-                            const double *more) {
-    const size_t n = j->given, steps = lg_policy_steps(j->policy),
-                 periods = steps < PERIODS ? steps : PERIODS;
-    const export_options *options = j->source->options;
-    export_loop l;
-    lg_rng rng;
-    APP_FREE double *x = app_alloc(j->state, sizeof *x);
-    export_path out = {app_keep((periods + 1) * 2 * n, sizeof *out.seen),
-                       app_keep(periods * j->inputs, sizeof *out.held),
-                       app_keep((periods + 1) * j->state, sizeof *out.state), periods};
-    open_loop(j, &l);
-    draw_starts(j, stream, 1, &rng, x);
-    for (size_t k = 0; k <= out.periods; k++) {
-        memcpy(out.state + k * j->state, x, j->state * sizeof *x);
-        step(&l, false, x);
-        for (size_t i = 0; i < 2 * n; i++) {
-            const double by = noise != NULL && i < n ? noise[i] * lg_rng_normal(&rng) : 0;
-            out.seen[k * 2 * n + i] = export_round(options, l.seen[i] + by);
-        }
-        for (size_t i = 0; i < j->inputs && k < out.periods; i++)
-            out.held[k * j->inputs + i] = export_round(options, l.x[j->state + i]);
-        for (size_t i = 0; more != NULL && i < n; i++)
-            x[n + i] += 0.3 * j->task->period * (more[i] - more[n + i] * l.seen[n + i]);
-        if (!(export_norm(x, NULL, j->state) < 1e6) && k < out.periods) out.periods = k > 0 ? k : 1;
+    for (size_t k = 0; k < periods; k++) {
+        export_evaluate(&l->e[SENSED], x, l->seen);
+        memcpy(l->x, x, j->state * sizeof *x);
+        export_evaluate(&l->e[single ? NARROW : CONTROL], l->seen, l->x + j->state);
+        export_evaluate(&l->e[PERIOD], l->x, x);
     }
-    close_loop(&l);
-    return out;
 }
 
 /* ---- golden segments of paths ---- */
@@ -86,16 +52,13 @@ typedef struct golden {
     double tolerance;
 } golden;
 
-static void move(export_loop *l, bool single, size_t periods, double *x) {
-    for (size_t k = 0; k < periods; k++) step(l, single, x);
-}
-
 /* States of the exported type, at different times of runs from random starts. */
 static void draw_states(export_loop *l, golden *g) {
     const export_policy_job *j = l->job;
     const size_t n = j->state, steps = lg_policy_steps(j->policy);
     lg_rng rng;
-    draw_starts(j, LOOP_STREAM, g->count, &rng, g->x);
+    lg_rng_seed(&rng, j->source->options->seed, LOOP_STREAM);
+    EXPORT_MUST(j, lg_policy_starts(j->policy, &rng, g->count, g->x, NULL, &error));
     for (size_t i = 0; i < g->count; i++) {
         memcpy(g->y, g->x + i * n, n * sizeof *g->y);
         move(l, false, i % SEGMENTS * steps / SEGMENTS, g->y);
