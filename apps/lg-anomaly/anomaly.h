@@ -84,12 +84,8 @@ lg_scorer well_model_scorer(const well_model *model);
 double well_model_alarm(const well_model *model, const double *score);
 
 /* Reads data whose classes and channels must be the model's. A novelty model accepts any classes and merges
- * them (merge_classes). */
+ * them (lg_series_merge). */
 void read_series_of(const app *app, const char *path, const well_model *model, lg_series_data *out);
-/* Sets the labels to 0 for the class named `healthy` and to 1 for all others. If no class has this name,
- * warns and takes the class that attribute healthy of the file names, or whose name means that all is well.
- * The series then has two classes, or one if all windows are of the healthy class. */
-void merge_classes(const app *self, const char *path, lg_series_data *data, const char *healthy);
 
 /* ---- judging ---- */
 

@@ -101,24 +101,7 @@ void read_series_of(const app *self, const char *path, const well_model *model, 
     lg_series like = model->file.names;
     if (any) like.classes = 0;
     APP_FILE(self, path, lg_series_read_like, &like, out);
-    if (any) merge_classes(self, path, out, model->file.names.class_name[0]);
-}
-
-void merge_classes(const app *self, const char *path, lg_series_data *data, const char *healthy) {
-    lg_series *series = &data->series;
-    uint32_t others = 0, own = lg_series_healthy(series, healthy);
-    if (own == LG_NO_CLASS) {
-        own = lg_series_healthy(series, data->healthy);
-        app_warn(self,
-                 "%s: no class is '%s', the healthy class of the training: '%s' is taken for it; attribute "
-                 "healthy can name another class",
-                 path, healthy, own == LG_NO_CLASS ? "none" : series->class_name[own]);
-    }
-    for (size_t i = 0; i < series->count; i++) {
-        series->label[i] = series->label[i] != own;
-        others |= series->label[i];
-    }
-    series->classes = 1 + others;
+    if (any) lg_series_merge(self->context, path, model->file.names.class_name[0], out);
 }
 
 /* ---- judging ---- */
