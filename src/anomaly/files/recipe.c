@@ -274,6 +274,11 @@ static lg_status score(const void *plan, const float *x, double *score, double *
     return LG_OK;
 }
 
+lg_scorer lg_detector_scorer(const lg_detector_plan *plan, const lg_detector *model, uint32_t healthy) {
+    return (lg_scorer){
+        score, plan, lg_detector_work_size(plan), model->classes, healthy, model->net.plane == 2, true};
+}
+
 /* Judges the training part (if it has windows) and the test part. */
 static lg_status judge_parts(const lg_training *self, const lg_scaler *scaler, const double *theta,
                              lg_error *error) {
@@ -282,9 +287,7 @@ static lg_status judge_parts(const lg_training *self, const lg_scaler *scaler, c
     lg_detector_plan *plan;
     LG_TRY(lg_detector_plan_create(self->context, &run->model, scaler, theta, run->training.dtype, &plan,
                                    error));
-    const lg_scorer by = {
-        score, plan, lg_detector_work_size(plan), run->model.classes, s->healthy, run->model.net.plane == 2,
-        true};
+    const lg_scorer by = lg_detector_scorer(plan, &run->model, s->healthy);
     lg_status status =
         lg_judge(self->context, &by, &s->all, &s->train, self->threads, &s->train_judged, error);
     if (status == LG_OK)

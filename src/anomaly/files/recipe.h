@@ -91,6 +91,7 @@ lg_status lg_detector_split_training(lg_training *self, lg_error *error); /* the
 /* Fits the novelty detector to the training windows. Returns LG_CANCELLED and LG_OUT_OF_MEMORY. Any other
  * failure causes a warning, and *out stays unchanged. */
 lg_status lg_detector_fit_novelty(const lg_training *self, lg_novelty *out, lg_error *error);
+lg_scorer lg_detector_scorer(const lg_detector_plan *plan, const lg_detector *model, uint32_t healthy);
 /* Writes the results accuracy, precision, recall, f1, auc, false_positive_rate, false_alarms_per_day and
  * confusion. */
 void lg_detector_tell(lg_training *self, const lg_judgement *judged, uint64_t hop, double rate,
