@@ -240,10 +240,9 @@ static int on_epoch(void *user, const lg_fit_epoch *report) {
 
 static lg_status run_fit(search_trial *self, lg_error *error) {
     train_task *task = self->search->task;
-    if (task->trial != NULL) {
-        const lg_status own = task->trial(self->train, self->trial, error);
-        if (own != LG_NOT_FOUND) return own;
-    }
+    const lg_status learned =
+        task->learn != NULL ? task->learn(self->train, self->trial, error) : LG_NOT_FOUND;
+    if (learned != LG_NOT_FOUND) return learned;
     lg_fit_options options = train_fit_options(self->train, train_training(task));
     options.on_epoch = on_epoch;
     options.user = self;

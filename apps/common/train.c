@@ -407,13 +407,20 @@ static void run_with(app *self, train_task *task, const stored_run *stored, cons
     if (!(splits && again)) compare(self, task, stored);
     train_prepare(self, task);
     if (splits) compare(self, task, stored);
+    const lg_status learned = task->learn != NULL ? task->learn(self, NULL, &error) : LG_NOT_FOUND;
+    if (learned != LG_NOT_FOUND) {
+        must(self, learned, &error);
+        return;
+    }
     const lg_fit_options options = session_options(&session);
     must(self, train_create(task, &options, &error), &error);
     if (stored->reader != NULL) load_fit(&session, stored->reader);
     if (run_fit(&session)) finish(&session);
 }
 
-void train_open(app *self, train_task *task) {
+void train_main(app *self, train_task *task) {
+    stored_run stored = {NULL, NULL};
+    train_race race;
     lg_error error = {LG_OK, ""};
     train_begin(self, task, 0);
     if (task->check != NULL) must(self, task->check(self, &error), &error);
@@ -421,12 +428,6 @@ void train_open(app *self, train_task *task) {
     check_files(self, task);
     app_read_options(self);
     train_read(self, task);
-}
-
-void train_main(app *self, train_task *task) {
-    stored_run stored = {NULL, NULL};
-    train_race race;
-    train_open(self, task);
     train_size(self, task, files->size, &race);
     open_stored(self, task, &stored);
     app_read_options(self);

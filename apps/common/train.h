@@ -42,9 +42,10 @@ typedef struct train_task {
     const char *const *searched;  /* the methods that a search may train, ended by NULL; NULL: all methods */
     /* Rejects options that cannot be combined. The message begins with an option. May be NULL. */
     lg_status (*check)(const app *app, lg_error *error);
-    /* A trial of a search by a method that the recipe does not train: trains on the training part, and sets
-     * parameters and objective. Returns LG_NOT_FOUND for a method that the recipe trains. May be NULL. */
-    lg_status (*trial)(const app *app, lg_trial *trial, lg_error *error);
+    /* Trains by a method that the recipe does not train; returns LG_NOT_FOUND for other methods. The data are
+     * read and split. If trial is NULL, writes the model and reports. Otherwise sets parameters and objective
+     * of this trial of a search. May be NULL. */
+    lg_status (*learn)(const app *app, lg_trial *trial, lg_error *error);
     const app_command *command;                 /* the command `train`, for a search */
     void *state;                                /* the trainer's state; if NULL, train_begin allocates it */
     void (*print)(const lg_training *training); /* prints more than the results for people; may be NULL */
@@ -92,9 +93,6 @@ struct train_session {
 };
 
 void train_main(app *app, train_task *task);
-/* The first part of train_main, for a command that can also train without a recipe: checks options and files,
- * and reads the data. The caller calls lg_training_close. */
-void train_open(app *app, train_task *task);
 
 /* ---- parts of train_main, also used by race and search ---- */
 

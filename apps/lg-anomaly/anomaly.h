@@ -68,28 +68,21 @@ typedef struct well_model {
 
 /* The healthy class is unknown until well_model_settle. */
 void well_model_load(const app *app, const char *path, well_model *out);
-/* Sets the healthy class, if it is unknown, by lg_find_healthy: from `given` or the model's own. */
-void well_model_settle(const app *app, well_model *model, const char *given, const char *data);
-/* Ends the command with the sentence "WHAT: it is unknown which class ..." if the healthy class is unknown.
- * */
-void well_model_need_healthy(const app *app, const well_model *model, const char *what);
+/* Sets the healthy class, if it is unknown, by lg_find_healthy: from `given` or the model's own. If it stays
+ * unknown, ends the command with the sentence "NEEDED: it is unknown which class ..."; NULL: it may. */
+void well_model_settle(const app *app, well_model *model, const char *given, const char *data,
+                       const char *needed);
 void well_model_destroy(well_model *model); /* a zeroed model is allowed */
-/* Scores one window by a well_model, as lg_scorer.score; the class is lg_metrics_class(score). A WELL_NOVELTY
- * model gives the scores 1 and the distance of lg_novelty_eval. Allocates nothing. */
-lg_status well_model_score(const void *model, const float *x, double *score, double *plane, void *work);
+/* How the model scores windows, without allocation; the class is lg_metrics_class(score). */
 lg_scorer well_model_scorer(const well_model *model);
 /* A single score for "not healthy"; the healthy class must be known. Two classes: the score of the other
  * class. More classes: 1 minus the probability of the healthy class, or without probabilities the best other
  * score minus the score of the healthy class. */
-double well_model_alarm(const well_model *model, const double *score);
+double well_model_alarm(const lg_scorer *by, const double *score);
 
 /* Reads data whose classes and channels must be the model's. A novelty model accepts any classes and merges
- * them (merge_classes). */
+ * them (lg_series_merge). */
 void read_series_of(const app *app, const char *path, const well_model *model, lg_series_data *out);
-/* Sets the labels to 0 for the class named `healthy` and to 1 for all others. If no class has this name,
- * warns and takes the class that attribute healthy of the file names, or whose name means that all is well.
- * The series then has two classes, or one if all windows are of the healthy class. */
-void merge_classes(const app *self, const char *path, lg_series_data *data, const char *healthy);
 
 /* ---- judging ---- */
 

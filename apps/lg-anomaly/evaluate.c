@@ -287,9 +287,8 @@ static void evaluate(evaluation *e) {
                   lg_windows_create(self->context, series, e->model->window, (size_t)e->run->hop,
                                     &e->from.windows, &error));
     choose_part(e);
-    well_model_settle(self, e->model, values.healthy, e->from.data.healthy);
     const bool votes = values.votes.count > 0;
-    if (votes) well_model_need_healthy(self, e->model, "--votes");
+    well_model_settle(self, e->model, values.healthy, e->from.data.healthy, votes ? "--votes" : NULL);
     if (votes && series->run == NULL) app_stop_usage(self, "--votes: %s has no recordings (/run)", e->path);
     if (votes && e->part.count < e->from.windows.count && e->run->split == LG_SPLIT_RANDOM)
         app_warn(self,

@@ -34,64 +34,24 @@ void well_model_load(const app *self, const char *path, well_model *out) {
     }
 }
 
-/* A novelty model has learned its first class as healthy; its other class cannot be. */
-static lg_series names_of(const well_model *model) {
+void well_model_settle(const app *self, well_model *model, const char *given, const char *data,
+                       const char *needed) {
     lg_series names = model->file.names;
-    if (model->sort == WELL_NOVELTY) names.classes = 1;
-    return names;
-}
-
-void well_model_settle(const app *self, well_model *model, const char *given, const char *data) {
-    const lg_series names = names_of(model);
+    char text[320];
     if (model->healthy != LG_NO_CLASS) return;
+    /* A novelty model has learned its first class as healthy; its other class cannot be. */
+    if (model->sort == WELL_NOVELTY) names.classes = 1;
     if (given[0] != '\0')
         (void)snprintf(model->file.run.healthy, sizeof model->file.run.healthy, "%s", given);
     APP_DO(self, lg_find_healthy, &names, data, model->file.run.healthy, &model->healthy);
-}
-
-void well_model_need_healthy(const app *self, const well_model *model, const char *what) {
-    const lg_series names = names_of(model);
-    char text[320];
-    if (model->healthy != LG_NO_CLASS) return;
+    if (needed == NULL || model->healthy != LG_NO_CLASS) return;
     lg_ask_healthy(&names, text, sizeof text);
-    app_stop_usage(self, "%s: %s", what, text);
+    app_stop_usage(self, "%s: %s", needed, text);
 }
 
 void well_model_destroy(well_model *model) {
     lg_detector_plan_destroy(model->plan);
     lg_recipe_release(model->sort == WELL_NETWORK ? &lg_recipe_detector : &classifier_recipe, &model->file);
-}
-
-lg_status well_model_score(const void *user, const float *x, double *score, double *plane, void *work) {
-    const well_model *model = user;
-    lg_novelty_result result;
-    switch (model->sort) {
-    case WELL_NETWORK:
-        lg_detector_eval(model->plan, x, score, plane, work);
-        return LG_OK;
-    case WELL_CLASSICAL:
-        return lg_classifier_window(&model->file.classifier, x, score, work);
-    case WELL_NOVELTY:
-        break;
-    }
-    lg_novelty_eval(&model->file.novelty, x, &result, NULL, work);
-    score[0] = 1;
-    score[1] = result.distance;
-    return LG_OK;
-}
-
-static bool gives_probabilities(const well_model *model) {
-    return model->sort == WELL_NETWORK ||
-           (model->sort == WELL_CLASSICAL && model->file.classifier.method <= LG_METHOD_TREE);
-}
-
-double well_model_alarm(const well_model *model, const double *score) {
-    if (model->file.names.classes == 2) return score[1 - model->healthy];
-    if (gives_probabilities(model)) return 1 - score[model->healthy];
-    double best = -INFINITY;
-    for (uint32_t c = 0; c < model->file.names.classes; c++)
-        if (c != model->healthy) best = fmax(best, score[c]);
-    return best - score[model->healthy];
 }
 
 /* ---- labelled series for a model ---- */
@@ -101,39 +61,50 @@ void read_series_of(const app *self, const char *path, const well_model *model, 
     lg_series like = model->file.names;
     if (any) like.classes = 0;
     APP_FILE(self, path, lg_series_read_like, &like, out);
-    if (any) merge_classes(self, path, out, model->file.names.class_name[0]);
-}
-
-void merge_classes(const app *self, const char *path, lg_series_data *data, const char *healthy) {
-    lg_series *series = &data->series;
-    uint32_t others = 0, own = lg_series_healthy(series, healthy);
-    if (own == LG_NO_CLASS) {
-        own = lg_series_healthy(series, data->healthy);
-        app_warn(self,
-                 "%s: no class is '%s', the healthy class of the training: '%s' is taken for it; attribute "
-                 "healthy can name another class",
-                 path, healthy, own == LG_NO_CLASS ? "none" : series->class_name[own]);
-    }
-    for (size_t i = 0; i < series->count; i++) {
-        series->label[i] = series->label[i] != own;
-        others |= series->label[i];
-    }
-    series->classes = 1 + others;
+    if (any) lg_series_merge(self->context, path, model->file.names.class_name[0], out);
 }
 
 /* ---- judging ---- */
 
+static lg_status score_classical(const void *model, const float *x, double *score, double *plane,
+                                 void *work) {
+    return lg_classifier_window(model, x, score, work);
+}
+
+/* The scores are 1 and the distance of lg_novelty_eval. */
+static lg_status score_novelty(const void *model, const float *x, double *score, double *plane, void *work) {
+    lg_novelty_result result;
+    lg_novelty_eval(model, x, &result, NULL, work);
+    score[0] = 1;
+    score[1] = result.distance;
+    return LG_OK;
+}
+
 lg_scorer well_model_scorer(const well_model *model) {
-    return (lg_scorer){.score = well_model_score,
-                       .model = model,
-                       .work = model->sort == WELL_NETWORK ? lg_detector_work_size(model->plan)
-                               : model->sort == WELL_NOVELTY
-                                   ? lg_novelty_work_size(&model->file.novelty)
-                                   : lg_classifier_work_size(&model->file.classifier),
-                       .classes = model->file.names.classes,
-                       .healthy = model->healthy,
-                       .plane = model->sort == WELL_NETWORK && model->network.run.model.net.plane == 2,
-                       .probabilities = gives_probabilities(model)};
+    const lg_classifier *classifier = &model->file.classifier;
+    lg_scorer by = {.classes = model->file.names.classes, .healthy = model->healthy};
+    if (model->sort == WELL_NETWORK)
+        return lg_detector_scorer(model->plan, &model->network.run.model, model->healthy);
+    if (model->sort == WELL_NOVELTY) {
+        by.score = score_novelty;
+        by.model = &model->file.novelty;
+        by.work = lg_novelty_work_size(by.model);
+    } else {
+        by.score = score_classical;
+        by.model = classifier;
+        by.work = lg_classifier_work_size(classifier);
+        by.probabilities = classifier->method <= LG_METHOD_TREE;
+    }
+    return by;
+}
+
+double well_model_alarm(const lg_scorer *by, const double *score) {
+    if (by->classes == 2) return score[1 - by->healthy];
+    if (by->probabilities) return 1 - score[by->healthy];
+    double best = -INFINITY;
+    for (uint32_t c = 0; c < by->classes; c++)
+        if (c != by->healthy) best = fmax(best, score[c]);
+    return best - score[by->healthy];
 }
 
 /* ---- printing ---- */

@@ -49,13 +49,11 @@ lg_status train_check_options(const app *app, lg_error *error);
 
 /* ---- training ---- */
 
-/* The task of `train --classifier cnn` and of `search`. Other methods use its `training` for data and
- * results. */
+/* The task of `train` and `search`. Its recipe trains the network; classical methods use its `training` for
+ * data and results. */
 extern train_task network_recipe;
-/* Trains another method. The data in train_state have been read, cut and split. */
-void train_classical(const app *app);
-/* train_task.trial: rocket; a cnn is trained by the recipe. */
-lg_status train_trial(const app *app, lg_trial *trial, lg_error *error);
+/* train_task.learn: trains a classical method. */
+lg_status train_classical(const app *app, lg_trial *trial, lg_error *error);
 /* Returns a model that describes the data in train_state; what training learns is not set yet. */
 well_model trained_model(well_sort sort, const char *method);
 

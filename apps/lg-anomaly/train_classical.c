@@ -350,6 +350,8 @@ static void report(const classical *self) {
 static lg_status run_trial(classical *self, lg_trial *trial, lg_error *error) {
     const lg_classifier_options options = base_options(self->app);
     lg_classifier *model = &self->model.file.classifier;
+    model->method = method_of(train_given.method);
+    self->label = of_windows(&state->all, state->all.data.series.label);
     lg_judgement judged = {0};
     LG_TRY(create_features(self->app, &model->features, error));
     LG_TRY(make_table(self, &state->all, &self->table, error));
@@ -361,18 +363,6 @@ static lg_status run_trial(classical *self, lg_trial *trial, lg_error *error) {
     trial->objective = 1.0 - judged.metrics.accuracy;
     lg_judgement_destroy(&judged);
     return LG_OK;
-}
-
-lg_status train_trial(const app *program, lg_trial *trial, lg_error *error) {
-    if (train_given.method == METHOD_CNN) return LG_NOT_FOUND;
-    classical self = {.app = program, .model = trained_model(WELL_CLASSICAL, "rocket")};
-    self.model.file.classifier.method = method_of(train_given.method);
-    self.label = of_windows(&state->all, state->all.data.series.label);
-    const lg_status status = run_trial(&self, trial, error);
-    lg_classifier_destroy(&self.model.file.classifier);
-    free(self.label);
-    free(self.table);
-    return status;
 }
 
 /* ---- training ---- */
@@ -414,27 +404,40 @@ static void train_novelty(classical *self) {
     network_recipe.training.seconds = app_seconds() - begin;
 }
 
-void train_classical(const app *program) {
-    const char *method = classifier_method_name(train_given.method);
-    classical self = {.app = program, .model = trained_model(WELL_CLASSICAL, method)};
-    (train_given.method == METHOD_NOVELTY ? train_novelty : train_classifier)(&self);
-    app_plot_check(program, plots_of(&self.model, true));
-    judge_part(&self, &state->all, &state->train, self.table, &state->train_judged);
-    judge_part(&self, lg_detector_tested(state), &state->tested, self.tested_table, &state->judged);
-    classifier_file *file = &self.model.file;
+static void run_training(classical *self) {
+    const app *program = self->app;
+    if (program->rank_count > 1)
+        app_stop_usage(program, "only --classifier cnn can be trained by several ranks");
+    (train_given.method == METHOD_NOVELTY ? train_novelty : train_classifier)(self);
+    app_plot_check(program, plots_of(&self->model, true));
+    judge_part(self, &state->all, &state->train, self->table, &state->train_judged);
+    judge_part(self, lg_detector_tested(state), &state->tested, self->tested_table, &state->judged);
+    classifier_file *file = &self->model.file;
     file->accuracy = state->judged.metrics.accuracy;
     file->f1 = state->judged.metrics.f1;
     file->provenance = app_provenance(program, train_run.training.seed);
     APP_FILE(program, train_given_files.out, lg_recipe_save, &classifier_recipe, file, NULL);
-    app_plot_draw(program, plots_of(&self.model, true),
-                  &(viewing){&self.model, lg_detector_tested(state),
+    app_plot_draw(program, plots_of(&self->model, true),
+                  &(viewing){&self->model, lg_detector_tested(state),
                              state->tested.count > 0 ? &state->judged : &state->train_judged,
-                             .classical = &self});
-    report(&self);
+                             .classical = self});
+    report(self);
+}
+
+lg_status train_classical(const app *program, lg_trial *trial, lg_error *error) {
+    const char *method = classifier_method_name(train_given.method);
+    classical self = {.app = program, .model = trained_model(WELL_CLASSICAL, method)};
+    lg_status status = LG_OK;
+    if (train_given.method == METHOD_CNN) return LG_NOT_FOUND;
+    if (trial != NULL)
+        status = run_trial(&self, trial, error);
+    else
+        run_training(&self);
     lg_classifier_destroy(&self.model.file.classifier);
     lg_novelty_destroy(&self.model.file.novelty);
     if (self.tested_table != self.table) free(self.tested_table);
     free(self.label);
     free(self.unit);
     free(self.table);
+    return status;
 }

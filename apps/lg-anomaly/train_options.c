@@ -81,6 +81,9 @@ lg_status train_check_options(const app *self, lg_error *error) {
     const bool rocket = values->method == METHOD_ROCKET;
     const uint32_t prune = train_name(values->prune);
     const char *why = NULL;
+    train_state.classical = values->method != METHOD_CNN;
+    train_state.alone = values->method == METHOD_NOVELTY;
+    train_state.long_windows = values->method == METHOD_BASELINE;
     /* Only the network has a fit, so only it has the options for files, except --out. */
     for (const app_slot *slot = self->slots; slot < self->slots + self->slot_count; slot++)
         if (values->method != METHOD_CNN && slot->given && slot->values == &train_given_files &&

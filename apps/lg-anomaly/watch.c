@@ -74,10 +74,10 @@ static bool is_unlike(const bench *b, uint32_t missing) {
 
 static lg_status judge(void *user, const float *x, uint32_t missing, lg_answer *answer, double *score) {
     bench *b = user;
-    LG_TRY(well_model_score(b->model, x, b->score, NULL, b->work));
-    b->given = lg_metrics_class(b->score, b->names->classes);
-    *score = well_model_alarm(b->model, b->score);
-    *answer = b->given != b->model->healthy ? LG_ANSWER_POSITIVE : LG_ANSWER_NEGATIVE;
+    LG_TRY(b->by.score(b->by.model, x, b->score, NULL, b->work));
+    b->given = lg_metrics_class(b->score, b->by.classes);
+    *score = well_model_alarm(&b->by, b->score);
+    *answer = b->given != b->by.healthy ? LG_ANSWER_POSITIVE : LG_ANSWER_NEGATIVE;
     if (b->novelty_work != NULL) lg_novelty_eval(b->usual, x, &b->novelty, b->features, b->novelty_work);
     if (b->novelty_work != NULL && is_unlike(b, missing)) *answer = LG_ANSWER_NOVEL;
     return isnan(*score) && *answer != LG_ANSWER_NOVEL ? LG_NOT_FINITE : LG_OK;
@@ -480,7 +480,10 @@ static void open_novelty(watching *self) {
 
 static void watch_with(const app *self, const well_model *model, int file) {
     watching w = {.app = self,
-                  .bench = {.model = model, .names = &model->file.names, .usual = &model->file.novelty},
+                  .bench = {.model = model,
+                            .by = well_model_scorer(model),
+                            .names = &model->file.names,
+                            .usual = &model->file.novelty},
                   .channels = model->file.names.channels,
                   .tally = {.first_alarm = NAN, .first_unlike = NAN, .detection = NAN}};
     lg_monitor_options options;
@@ -488,8 +491,8 @@ static void watch_with(const app *self, const well_model *model, int file) {
     watch_log_open(&w.log, self, values.log, self->json ? json_begin : text_begin);
     const size_t bytes = lg_monitor_size(&options);
     APP_FREE void *memory = app_alloc(bytes, 1);
-    w.bench.score = app_keep(w.bench.names->classes, sizeof *w.bench.score);
-    w.bench.work = app_keep(well_model_scorer(model).work, 1);
+    w.bench.score = app_keep(w.bench.by.classes, sizeof *w.bench.score);
+    w.bench.work = app_keep(w.bench.by.work, 1);
     open_novelty(&w);
     APP_MUST(self, lg_monitor_init(&options, judge, &w.bench, &w.watch, memory, bytes, &error));
     watch_feed(&w, file, bytes);
@@ -500,8 +503,7 @@ static void run(app *self) {
     APP_CLEAN(well_model_destroy) well_model model = {.plan = NULL};
     int file = STDIN_FILENO;
     well_model_load(self, self->arguments[0], &model);
-    well_model_settle(self, &model, values.healthy, "");
-    well_model_need_healthy(self, &model, self->arguments[0]);
+    well_model_settle(self, &model, values.healthy, "", self->arguments[0]);
     if (values.input != NULL) file = open(values.input, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     if (file < 0) app_stop(self, LG_FILE, "%s: %s", values.input, strerror(errno));
     watch_with(self, &model, file);

@@ -17,6 +17,7 @@ enum {
 /* What the judge of a window needs, and its results. */
 typedef struct bench {
     const well_model *model;
+    lg_scorer by;            /* of the model */
     const lg_series *names;  /* of the model */
     const lg_novelty *usual; /* its record of the training windows */
     /* Windows with a larger distance are unlike the training windows; infinite: no window is. */

@@ -37,7 +37,7 @@ const lg_field lg_detector_options[] = {
 static lg_status read_test(lg_training *self, lg_error *error) {
     lg_detector_state *s = self->state;
     lg_series like = s->all.data.series;
-    if (s->any_class) like.classes = 0;
+    if (s->alone) like.classes = 0;
     if (s->test == NULL) return LG_OK;
     self->failed = s->test;
     LG_TRY(lg_series_read_like(self->context, s->test, &like, &s->foreign.data, error));
@@ -131,9 +131,6 @@ static lg_status complete_model(const lg_training *self, lg_error *error) {
     lg_detector *model = &run->model;
     const lg_activation activation = model->net.activation;
     const uint32_t plane = model->net.plane;
-    if (series->classes < 2)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'",
-                       series->class_name[0]);
     if (model->loss == LG_DETECTOR_MSE && series->classes != 2)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "--loss mse is for two classes, but the data have %u: use cross-entropy",
@@ -181,25 +178,44 @@ static lg_status adopt_preset(lg_training *self, lg_error *error) {
     return LG_OK;
 }
 
+/* A window is a stored window, unless the data are recordings and long windows are asked for. If the rate is
+ * unknown, a long window has ten stored windows. */
+static void usual_window(const lg_detector_state *s, lg_detector_run *run) {
+    enum { WINDOW = 600, HOP = 60, STORED = 10 }; /* WINDOW, HOP: seconds */
+    const lg_series *series = &s->all.data.series;
+    run->window = series->length;
+    run->hop = 0;
+    if (!s->long_windows || series->run == NULL) return;
+    run->hop = run->window;
+    run->window *= STORED;
+    if (!(series->rate > 0)) return;
+    run->window = (uint64_t)fmax(floor(WINDOW * series->rate + 0.5), 1);
+    run->hop = (uint64_t)fmax(floor(HOP * series->rate + 0.5), 1);
+}
+
 static lg_status describe(lg_training *self, lg_error *error) {
     lg_detector_state *s = self->state;
     lg_detector_run *run = self->run;
     const lg_detector_run *stored = self->stored;
+    const lg_series *series = &s->all.data.series;
     s->from = NULL;
     if (stored == NULL) LG_TRY(adopt_preset(self, error));
     if (s->test != NULL) run->test_fraction = 0;
+    if (s->classical) run->validation_fraction = 0;
     /* The windows are not cut yet; until then the stored number of windows, if any, is used. */
     run->windows = stored != NULL ? stored->windows : 0;
     memcpy(run->data_sha256, s->all.data.sha256, sizeof run->data_sha256);
     LG_TRY(lg_detector_settle(self, error));
-    run->window = s->all.data.series.length;
-    run->hop = 0;
+    usual_window(s, run);
     LG_TRY(lg_detector_window(self, &run->window, &run->hop, error));
     if (stored != NULL && !self->given(self, "window") && !self->given(self, "hop")) {
         run->window = stored->window;
         run->hop = stored->hop;
     }
-    return complete_model(self, error);
+    if (series->classes < 2 && !s->alone)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "all windows are of one class, '%s'",
+                       series->class_name[0]);
+    return s->classical ? LG_OK : complete_model(self, error);
 }
 
 static lg_status hold_out(lg_training *self, double validation, lg_error *error) {
@@ -258,6 +274,11 @@ static lg_status score(const void *plan, const float *x, double *score, double *
     return LG_OK;
 }
 
+lg_scorer lg_detector_scorer(const lg_detector_plan *plan, const lg_detector *model, uint32_t healthy) {
+    return (lg_scorer){
+        score, plan, lg_detector_work_size(plan), model->classes, healthy, model->net.plane == 2, true};
+}
+
 /* Judges the training part (if it has windows) and the test part. */
 static lg_status judge_parts(const lg_training *self, const lg_scaler *scaler, const double *theta,
                              lg_error *error) {
@@ -266,9 +287,7 @@ static lg_status judge_parts(const lg_training *self, const lg_scaler *scaler, c
     lg_detector_plan *plan;
     LG_TRY(lg_detector_plan_create(self->context, &run->model, scaler, theta, run->training.dtype, &plan,
                                    error));
-    const lg_scorer by = {
-        score, plan, lg_detector_work_size(plan), run->model.classes, s->healthy, run->model.net.plane == 2,
-        true};
+    const lg_scorer by = lg_detector_scorer(plan, &run->model, s->healthy);
     lg_status status =
         lg_judge(self->context, &by, &s->all, &s->train, self->threads, &s->train_judged, error);
     if (status == LG_OK)

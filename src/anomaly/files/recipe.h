@@ -31,9 +31,12 @@ typedef struct lg_detector_state {
     uint32_t preset, pooling;
     uint64_t kernel, stride;
     lg_wholes filters;
+    /* Set by the caller for another method than the network. */
+    bool classical;    /* `describe` leaves out the network and its validation part */
+    bool alone;        /* only the healthy class is learned: all other classes, of any name, become one */
+    bool long_windows; /* windows have ten minutes and begin every minute, if the options say nothing else */
     /* Set by the hook `read`. */
     uint32_t healthy;      /* class that means "all is well", or LG_NO_CLASS; set by lg_detector_settle */
-    bool any_class;        /* whether the --test file may have classes that the data do not have */
     lg_cut_series all;     /* the data file */
     lg_cut_series foreign; /* the --test file, if given */
     /* Set by lg_detector_split. */
@@ -58,6 +61,10 @@ const lg_cut_series *lg_detector_tested(const lg_detector_state *state);
  * is 0, any classes are allowed. Warns if channel names or the rate differ from the model's. */
 lg_status lg_series_read_like(const lg_context *context, const char *path, const lg_series *like,
                               lg_series_data *out, lg_error *error);
+/* Sets the labels to 0 for the class named `healthy` and to 1 for all others. If no class has this name,
+ * warns and takes the class that attribute healthy of the file names, or whose name means that all is well.
+ * The series then has two classes, or one if all windows are of the healthy class. */
+void lg_series_merge(const lg_context *context, const char *path, const char *healthy, lg_series_data *data);
 /* Finds the class that means "all is well", or LG_NO_CLASS, from the first of these that is known: `healthy`,
  * a name or label that the user gave or a model has stored; `data`, the attribute of a data file, or ""; the
  * words of the names, with a warning. `names` needs classes, class_name and class_label. `healthy` becomes
@@ -66,7 +73,8 @@ lg_status lg_find_healthy(const lg_context *context, const lg_series *names, con
                           char healthy[LG_SERIES_NAME], uint32_t *out, lg_error *error);
 /* Writes the sentence that says how the healthy class can be given. */
 void lg_ask_healthy(const lg_series *names, char *text, size_t size);
-/* Sets state->healthy and run->healthy for the data that were read. Warns if the class is unknown. */
+/* Sets state->healthy and run->healthy for the data that were read. Warns if the class is unknown. With
+ * state->alone it must be known, and the classes are merged. */
 lg_status lg_detector_settle(const lg_training *self, lg_error *error);
 /* Determines the length of a window and the distance between windows, in samples, from the options --window
  * and --hop and the rate of the data. On entry *window and *hop are the defaults; a hop of 0 becomes the
@@ -83,6 +91,7 @@ lg_status lg_detector_split_training(lg_training *self, lg_error *error); /* the
 /* Fits the novelty detector to the training windows. Returns LG_CANCELLED and LG_OUT_OF_MEMORY. Any other
  * failure causes a warning, and *out stays unchanged. */
 lg_status lg_detector_fit_novelty(const lg_training *self, lg_novelty *out, lg_error *error);
+lg_scorer lg_detector_scorer(const lg_detector_plan *plan, const lg_detector *model, uint32_t healthy);
 /* Writes the results accuracy, precision, recall, f1, auc, false_positive_rate, false_alarms_per_day and
  * confusion. */
 void lg_detector_tell(lg_training *self, const lg_judgement *judged, uint64_t hop, double rate,

@@ -60,6 +60,23 @@ lg_status lg_series_read_like(const lg_context *context, const char *path, const
 
 /* ---- the healthy class ---- */
 
+void lg_series_merge(const lg_context *context, const char *path, const char *healthy, lg_series_data *data) {
+    lg_series *series = &data->series;
+    uint32_t others = 0, own = lg_series_healthy(series, healthy);
+    if (own == LG_NO_CLASS) {
+        own = lg_series_healthy(series, data->healthy);
+        lg_log_message(context, LG_LOG_WARNING,
+                       "%s: no class is '%s', the healthy class of the training: '%s' is taken for it; "
+                       "attribute healthy can name another class",
+                       path, healthy, own == LG_NO_CLASS ? "none" : series->class_name[own]);
+    }
+    for (size_t i = 0; i < series->count; i++) {
+        series->label[i] = series->label[i] != own;
+        others |= series->label[i];
+    }
+    series->classes = 1 + others;
+}
+
 lg_status lg_find_healthy(const lg_context *context, const lg_series *names, const char *data,
                           char healthy[LG_SERIES_NAME], uint32_t *out, lg_error *error) {
     const char *wanted = healthy[0] != '\0' ? healthy : data;
@@ -89,12 +106,18 @@ void lg_ask_healthy(const lg_series *names, char *text, size_t size) {
 
 lg_status lg_detector_settle(const lg_training *self, lg_error *error) {
     lg_detector_state *s = self->state;
+    lg_detector_run *run = self->run;
     const lg_series *series = &s->all.data.series;
     char text[320];
-    LG_TRY(lg_find_healthy(self->context, series, s->all.data.healthy,
-                           ((lg_detector_run *)self->run)->healthy, &s->healthy, error));
+    LG_TRY(lg_find_healthy(self->context, series, s->all.data.healthy, run->healthy, &s->healthy, error));
     lg_ask_healthy(series, text, sizeof text);
     if (s->healthy == LG_NO_CLASS) LG_WARN(self, "no false alarms are counted: %s", text);
+    if (!s->alone) return LG_OK;
+    if (s->healthy == LG_NO_CLASS)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "--classifier novelty: %s", text);
+    lg_series_merge(self->context, self->paths[0], run->healthy, &s->all.data);
+    if (s->test != NULL) lg_series_merge(self->context, s->test, run->healthy, &s->foreign.data);
+    s->healthy = 0;
     return LG_OK;
 }
 
