@@ -125,11 +125,6 @@ typedef struct lg_started_log {
  * at the end of a part. `out` must be destroyed even after an error. */
 lg_status lg_started_log_create(const lg_learned_machine *model, const lg_machine_log *log, const size_t *row,
                                 size_t count, lg_started_log *out, lg_error *error);
-/* Estimates the states at rows `every` apart in each part, each from model->start_rows rows, of which it is
- * the last. Velocities of all other rows are NaN, so that no run begins there. `out` must be destroyed even
- * after an error. */
-lg_status lg_machine_states(const lg_learned_machine *model, const lg_machine_log *log, size_t every,
-                            lg_started_log *out, lg_error *error);
 void lg_started_log_destroy(lg_started_log *started);
 /* Sets model->start_rows to the number of rows, from 8 % of lg_start_rows to 200 but at most an eighth of a
  * part, with the least error of runs of up to 32 rows (128 in long parts) from the same starts in this log.
@@ -189,10 +184,9 @@ size_t lg_log_starts(const lg_machine *machine, const lg_machine_log *log, size_
 /* The same for logged states at both ends of a run. */
 size_t lg_log_stretches(const lg_machine *machine, const lg_machine_log *log, size_t steps, size_t every,
                         size_t *out);
-/* Errors of runs that begin at complete rows of `from`, or at rows that have start_rows rows up to them,
- * `every` rows apart in each part. `from` is `log`, or has its rows with other states (lg_machine_states). */
-lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner,
-                        const void *user, size_t start_rows, const lg_machine_log *from,
+/* Errors of runs that begin where the model's runs do: at complete rows, or at rows that have
+ * model->start_rows rows up to them, `every` rows apart in each part. */
+lg_status lg_horizon_of(const lg_learned_machine *model, lg_runner *runner, const void *user,
                         const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
                         lg_error *error);
 /* As lg_horizon_of for the runs of lg_machine_run. */
