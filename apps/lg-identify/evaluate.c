@@ -313,9 +313,8 @@ static void judge_relative(const lg_machine *machine, const lg_machine_log *data
         for (size_t row = start[i]; row < data->first[part + 1]; row++) {
             double square = 0, total = 0;
             for (size_t k = machine->accelerations ? nq : 0; k < nq + nv; k++) {
-                const size_t at = k < nq ? row * nq + k : row * nv + k - nq;
-                const double a = (k < nq ? data->q : lg_log_shown(data))[at],
-                             b = (k < nq ? out->runs.q : out->runs.v)[at];
+                const double a = lg_log_number(machine, data, row, k),
+                             b = k < nq ? out->runs.q[row * nq + k] : out->runs.v[row * nv + k - nq];
                 if (isnan(a)) continue;
                 square += (a - b) * (a - b), total += (a + b) * (a + b);
             }

@@ -54,6 +54,12 @@ lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name,
                                     lg_error *error);
 /* Writes the SHA-256 of the rows of a log as little-endian doubles (model.c). */
 void lg_machine_log_sha256(const lg_machine *machine, const lg_machine_log *log, char text[LG_SHA256_TEXT]);
+/* Number i of a row of a log: positions, then velocities or accelerations, then inputs. Where accelerations
+ * are measured, positions are missing (NaN) (data.c). */
+double lg_log_number(const lg_machine *machine, const lg_machine_log *log, size_t row, size_t i);
+/* Mean square of such a number's changes over `lag` rows, and around its mean. NaN: there are none. */
+double lg_log_change(const lg_machine *machine, const lg_machine_log *log, size_t i, size_t lag);
+double lg_log_variance(const lg_machine *machine, const lg_machine_log *log, size_t i);
 /* Writes the range of the numbers in a log; low > high for numbers that are not measured. */
 void lg_machine_find_range(const lg_machine *machine, const lg_machine_log *log, lg_machine_range *out);
 
