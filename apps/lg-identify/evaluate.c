@@ -280,14 +280,12 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
     const lg_machine *m = model->machine;
     const lg_machine_log *log = &given->data.logs.log;
     const size_t numbers = m->positions + m->velocities;
-    lg_machine_log simple = *log;
-    APP_FREE double *slopes = NULL;
+    APP_CLEAN(lg_started_log_destroy) lg_started_log simple = identify_slopes(self, model, log);
     APP_FREE double *start = app_alloc(log->rows * numbers, sizeof *start);
-    if (model->start_rows > 0) simple.v = slopes = identify_slopes(m, log);
     linear_model linear = {.rival = model, .start = start, .features = numbers + m->input_count + 1};
     double left;
     for (size_t i = 0; i < LG_COUNT(linear.A); i++) linear.A[i] = NAN;
-    APP_DO(self, lg_machine_unexplained, m, &simple, linear.A, &left);
+    APP_DO(self, lg_machine_unexplained, m, &simple.log, linear.A, &left);
     out->horizon_count = values.horizons.count > 0 ? values.horizons.count : LG_COUNT(usual);
     for (size_t i = 0; i < out->horizon_count; i++) {
         const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];

@@ -104,7 +104,7 @@ static void add_run(const runs *r, size_t i, double seconds, bool unchanged, lg_
 /* ---- errors up to a horizon ---- */
 
 size_t lg_log_starts(const lg_machine *machine, const lg_machine_log *log, size_t start_rows, size_t steps,
-                     size_t every, size_t *out) {
+                     size_t every, bool ended, size_t *out) {
     const bool estimated = start_rows > 0;
     const size_t before = estimated ? start_rows - 1 : 0;
     size_t count = 0;
@@ -112,17 +112,9 @@ size_t lg_log_starts(const lg_machine *machine, const lg_machine_log *log, size_
         for (size_t row = log->first[p]; row + steps < log->first[p + 1]; row += every)
             if (row >= log->first[p] + before &&
                 lg_machine_log_complete(machine, log, row - before, estimated) &&
-                lg_machine_log_complete(machine, log, row, estimated))
+                lg_machine_log_complete(machine, log, row, estimated) &&
+                (!ended || lg_machine_log_complete(machine, log, row + steps, false)))
                 out[count++] = row;
-    return count;
-}
-
-size_t lg_log_stretches(const lg_machine *machine, const lg_machine_log *log, size_t steps, size_t every,
-                        size_t *out) {
-    const size_t all = lg_log_starts(machine, log, 0, steps, every, out);
-    size_t count = 0;
-    for (size_t i = 0; i < all; i++)
-        if (lg_machine_log_complete(machine, log, out[i] + steps, false)) out[count++] = out[i];
     return count;
 }
 
@@ -172,7 +164,8 @@ lg_status lg_horizon_of(const lg_learned_machine *model, lg_runner *runner, cons
     LG_CLEAN(runs_end)
     runs r = {context, model->machine, .log = log, .steps = most_steps(log, seconds), .start = start};
     if (r.steps > 0)
-        out->starts = r.count = lg_log_starts(r.machine, log, model->start_rows, r.steps, every, start);
+        out->starts = r.count =
+            lg_log_starts(r.machine, log, model->start_rows, r.steps, every, false, start);
     if (r.count == 0) return LG_OK;
     LG_TRY(predict(runner, user, &r, error));
     set_errors(&r, own, out);
@@ -181,6 +174,16 @@ lg_status lg_horizon_of(const lg_learned_machine *model, lg_runner *runner, cons
 
 /* ---- estimated starts ---- */
 
+lg_status lg_started_log_begin(const lg_context *context, const lg_machine *machine,
+                               const lg_machine_log *log, lg_started_log *out, lg_error *error) {
+    const size_t nq = machine->positions, n = nq + machine->velocities;
+    *out = (lg_started_log){.log = *log, .context = context};
+    out->log.q = out->q = lg_alloc(context, log->rows * n, sizeof *out->q);
+    if (out->q == NULL) return lg_no_memory(error);
+    out->log.v = out->v = out->q + log->rows * nq;
+    return LG_OK;
+}
+
 lg_status lg_started_log_create(const lg_learned_machine *model, const lg_machine_log *log, const size_t *row,
                                 size_t count, lg_started_log *out, lg_error *error) {
     const lg_context *context = model->context;
@@ -188,10 +191,7 @@ lg_status lg_started_log_create(const lg_learned_machine *model, const lg_machin
     const size_t nq = machine->positions, nv = machine->velocities;
     const uint32_t rows = model->start_rows;
     lg_machine_log guessed = *log;
-    *out = (lg_started_log){.log = *log, .context = context};
-    out->log.q = out->q = lg_alloc(context, log->rows * (nq + nv), sizeof *out->q);
-    if (out->q == NULL) return lg_no_memory(error);
-    out->log.v = out->v = out->q + log->rows * nq;
+    LG_TRY(lg_started_log_begin(context, machine, log, out, error));
     LG_TRY_SCRATCH(double, q, context, count *(nq + nv), lg_no_memory(error));
     double *v = q + count * nq;
     if (machine->accelerations) { /* the guesses of the log are not good enough for the model's own starts */
@@ -282,7 +282,7 @@ lg_status lg_machine_choose_start_rows(lg_learned_machine *model, const lg_machi
     LG_CLEAN(runs_end)
     runs r = {model->context, machine, .log = log, .steps = most < LONG ? STEPS : LONG, .start = start};
     model->start_rows = (uint32_t)usual;
-    r.count = lg_log_starts(machine, log, most > usual ? most : usual, r.steps, every, start);
+    r.count = lg_log_starts(machine, log, most > usual ? most : usual, r.steps, every, false, start);
     for (size_t i = 0; i < LG_COUNT(parts) && r.count > 0; i++) {
         tried.start_rows = (uint32_t)(parts[i] * (double)usual + 0.5);
         if (tried.start_rows > most && parts[i] > 1) continue;
