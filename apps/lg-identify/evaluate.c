@@ -167,12 +167,13 @@ typedef struct linear_model {
     size_t row; /* the interval of the step begins here */
 } linear_model;
 
-/* The change of positions and velocities, y, over an interval, at the part s of it. */
-static lg_status slope(void *user, double s, const double *y, const double *input, double *d) {
+/* The change of positions and velocities, y, over the interval of the times t, at the part s of it. */
+static lg_status slope(void *user, double s, const double *y, const double *t, double *d) {
     const linear_model *linear = user;
     const lg_machine *machine = linear->rival->machine;
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
-    const double *q = y, *v = y + nq, *t = linear->log->t + linear->row;
+    const double *q = y, *v = y + nq;
+    const double h = t[1] - t[0];
     double *dq = d, *dv = d + nq, x[FEATURES];
     memcpy(x, y, (nq + nv) * sizeof *x);
     for (size_t k = 0; k < m; k++) {
@@ -180,9 +181,11 @@ static lg_status slope(void *user, double s, const double *y, const double *inpu
         x[nq + nv + k] = u[0] + s * (u[m] + s * (u[2 * m] + s * u[3 * m]));
     }
     x[nq + nv + m] = 1;
-    for (size_t k = 0; k < nv; k++) dv[k] = 0;
-    for (size_t i = 0; i < linear->features; i++)
-        for (size_t k = 0; k < nv; k++) dv[k] += linear->A[k * linear->features + i] * x[i];
+    for (size_t k = 0; k < nv; k++) {
+        double sum = 0;
+        for (size_t i = 0; i < linear->features; i++) sum += linear->A[k * linear->features + i] * x[i];
+        dv[k] = sum;
+    }
     for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         const double *R = q + at.places, *rate = v + at.velocities - 3;
         for (uint32_t k = 0; k < at.places; k++) dq[k] = at.rotations > 0 ? lg_dot3(R + 3 * k, v) : v[k];
@@ -190,15 +193,14 @@ static lg_status slope(void *user, double s, const double *y, const double *inpu
         for (int r = 0; r < 3 && at.rotations > 0; r++) lg_cross3(R + 3 * r, rate, dq + at.places + 3 * r);
         q += at.positions, dq += at.positions, v += at.velocities;
     }
-    for (size_t k = 0; k < nq + nv; k++) d[k] *= t[1] - t[0];
+    for (size_t k = 0; k < nq + nv; k++) d[k] *= h;
     return LG_OK;
 }
 
 /* Makes one step of y over an interval, and projects the positions. y is NaN where it is not finite. */
 static void advance(const linear_model *linear, lg_stepper *stepper, double *y) {
     const lg_machine *machine = linear->rival->machine;
-    lg_stepper_reset(stepper);
-    if (lg_stepper_step(stepper, 0, 1, y, NULL, y) != LG_OK)
+    if (lg_stepper_step(stepper, 0, 1, y, linear->log->t + linear->row, y) != LG_OK)
         for (size_t k = 0; k < machine->positions + machine->velocities; k++) y[k] = NAN;
     for (lg_machine_offsets of = {0}; lg_machine_next(machine, &of);) {
         double *own = y + of.position;
