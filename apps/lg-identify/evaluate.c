@@ -172,8 +172,7 @@ static lg_status slope(void *user, double s, const double *y, const double *t, d
     const linear_model *linear = user;
     const lg_machine *machine = linear->rival->machine;
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
-    const double *q = y, *v = y + nq;
-    const double h = t[1] - t[0];
+    const double *q = y, *v = y + nq, h = t[1] - t[0];
     double *dq = d, *dv = d + nq, x[FEATURES];
     memcpy(x, y, (nq + nv) * sizeof *x);
     for (size_t k = 0; k < m; k++) {
@@ -268,10 +267,9 @@ static void warn_of_horizons(const app *self, const verdict *v) {
 /* The errors of the linear model, NaN where accelerations alone are measured: it would have no states. */
 static void judge_linear(const app *self, const linear_model *linear, const lg_machine_log *log,
                          double seconds, lg_horizon *out) {
-    const lg_learned_machine *model = linear->rival;
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = NAN;
-    if (model->machine->accelerations) return;
-    APP_MUST(self, lg_horizon_of(model, run_linear, linear, log, seconds, values.every, out, &error));
+    if (linear->rival->machine->accelerations) return;
+    APP_MUST(self, lg_horizon_of(linear->rival, run_linear, linear, log, seconds, values.every, out, &error));
     for (int e = 0; e < LG_RUN_ERRORS; e++)
         if (out->pooled[e] >= 1e300) out->pooled[e] = NAN;
 }
@@ -281,10 +279,9 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
     const lg_learned_machine *model = &given->model;
     const lg_machine *m = model->machine;
     const lg_machine_log *log = &given->data.logs.log;
-    const size_t numbers = m->positions + m->velocities;
     APP_CLEAN(lg_started_log_destroy) lg_started_log simple = identify_slopes(self, model, log);
-    APP_FREE double *start = app_alloc(log->rows * numbers, sizeof *start);
-    linear_model linear = {.rival = model, .start = start, .features = numbers + m->input_count + 1};
+    APP_FREE double *start = app_alloc(log->rows * (m->positions + m->velocities), sizeof *start);
+    linear_model linear = {model, start, .features = m->positions + m->velocities + m->input_count + 1};
     double left;
     for (size_t i = 0; i < LG_COUNT(linear.A); i++) linear.A[i] = NAN;
     APP_DO(self, lg_machine_unexplained, m, &simple.log, linear.A, &left);
