@@ -149,23 +149,16 @@ static bool fit(const app *self, adapting *a) {
  * that stands still. */
 static double loss_at_rest(const adapting *a) {
     const lg_machine_model_run *run = &a->to.run;
-    const lg_machine *machine = &run->machine;
-    const size_t nq = machine->positions, nv = machine->velocities;
     double sum = 0;
-    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
-        const size_t width = at.positions;
-        for (size_t k = 0; k < width + at.velocities; k++) {
-            const double *x = k < width ? a->begin.q + at.position + k : a->begin.v + at.velocity + k - width,
-                         scale = k < width ? run->position_scale[at.index] : run->velocity_scale[at.index];
-            double mean = 0, square = 0;
-            size_t n = 0;
-            for (size_t row = 0; row < a->cut; row++) {
-                const double value = x[row * (k < width ? nq : nv)] / scale;
-                if (isfinite(value)) mean += value, square += value * value, n++;
-            }
-            if (n > 0) sum += square / (double)n - mean * mean / (double)(n * n);
+    for (lg_machine_offsets at = {0}; lg_machine_next(&run->machine, &at);)
+        for (uint32_t k = 0; k < at.positions + at.velocities; k++) {
+            const bool moves = k >= at.positions;
+            const uint32_t i =
+                moves ? run->machine.positions + at.velocity + k - at.positions : at.position + k;
+            const double scale = moves ? run->velocity_scale[at.index] : run->position_scale[at.index],
+                         square = lg_log_variance(&run->machine, &a->begin, i);
+            if (!isnan(square)) sum += square / (scale * scale);
         }
-    }
     return sum;
 }
 

@@ -106,7 +106,7 @@ static void halve(const double *u, size_t m, double from, double *out) {
 static void cut(const lg_machine *machine, const lg_machine_log *log, intervals *all) {
     const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
     all->row = app_keep(log->rows, sizeof *all->row);
-    all->count = lg_log_stretches(machine, log, 1, 1, all->row);
+    all->count = lg_log_starts(machine, log, 0, 1, 1, true, all->row);
     identify_log_begin(&all->finer, machine, log->parts, 2 * log->rows);
     const identify_log *to = &all->finer;
     for (size_t p = 0; p < log->parts; p++) {

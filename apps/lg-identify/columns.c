@@ -206,17 +206,11 @@ static double outside(double x, double low, double high, bool angle) {
     return x < low ? low - x : x > high ? x - high : 0;
 }
 
-/* Looks at the first `count` values of each row of `values` (rows, stride). They belong to the numbers of the
- * range from `first` on. Records the value that is farthest outside. `values` may be NULL. */
-static void look(const lg_machine_range *range, number *numbers, const double *values, size_t rows,
-                 size_t stride, size_t count, size_t first) {
-    for (size_t at = 0; values != NULL && at < rows * count; at++) {
-        const size_t i = first + at % count;
-        const double value = values[at / count * stride + at % count];
-        if (!numbers[i].used || !isfinite(value) || !(range->low[i] <= range->high[i])) continue;
-        const double by = outside(value, range->low[i], range->high[i], numbers[i].angle);
-        if (by > numbers[i].beyond) numbers[i].beyond = by, numbers[i].at = value;
-    }
+/* Records the value, of number i of the range, if it is the farthest outside. */
+static void look(const lg_machine_range *range, size_t i, double value, number *out) {
+    if (!out->used || !isfinite(value) || !(range->low[i] <= range->high[i])) return;
+    const double by = outside(value, range->low[i], range->high[i], out->angle);
+    if (by > out->beyond) out->beyond = by, out->at = value;
 }
 
 void identify_warn_range(const app *self, const identify_given *given, const identify_runs *runs) {
@@ -224,15 +218,17 @@ void identify_warn_range(const app *self, const identify_given *given, const ide
     const lg_machine_range *range = &given->file.run.range;
     const lg_machine *machine = &given->data.file.machine;
     const lg_machine_log *log = &given->data.logs.log;
-    const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count,
-                 total = nq + nv + m;
+    const size_t nq = machine->positions, nv = machine->velocities, total = nq + nv + machine->input_count;
     APP_FREE number *numbers = app_alloc(total, sizeof *numbers);
     name_numbers(&given->data.file, numbers);
-    look(range, numbers, log->q, log->rows, nq, nq, 0);
-    look(range, numbers, runs != NULL ? runs->q : NULL, log->rows, nq, nq, 0);
-    look(range, numbers, log->v, log->rows, nv, nv, nq);
-    look(range, numbers, runs != NULL ? runs->v : NULL, log->rows, nv, nv, nq);
-    look(range, numbers, log->u, log->rows, 4 * m, m, nq + nv);
+    for (size_t i = 0; i < total; i++) {
+        if (machine->accelerations && i < nq + nv) continue; /* neither has the states */
+        for (size_t row = 0; row < log->rows; row++) {
+            look(range, i, lg_log_number(machine, log, row, i), &numbers[i]);
+            if (runs != NULL && i < nq + nv)
+                look(range, i, i < nq ? runs->q[row * nq + i] : runs->v[row * nv + i - nq], &numbers[i]);
+        }
+    }
     for (size_t i = 0; i < total; i++) {
         const double low = range->low[i], high = range->high[i], beyond = numbers[i].beyond;
         if (beyond > 0 && beyond > tolerated * (high - low))

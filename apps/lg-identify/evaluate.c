@@ -159,20 +159,32 @@ static void report(const app *self, const identify_given *given, const verdict *
  * its runs are NaN. */
 enum { FEATURES = LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS + 1 };
 typedef struct linear_model {
-    const lg_machine *machine;
+    const lg_learned_machine *rival; /* the model, whose runs begin from the same states */
+    double *start;                   /* (rows, positions + velocities): the states where these runs began */
     size_t features;
     double A[LG_MACHINE_VELOCITIES * FEATURES]; /* (velocities, features) */
+    const lg_machine_log *log;
+    size_t row; /* the interval of the step begins here */
 } linear_model;
 
-/* Derivatives d of the positions and velocities at the features x. */
-static void slope(const linear_model *linear, const double *x, double *d) {
-    const lg_machine *machine = linear->machine;
-    const size_t nv = machine->velocities;
-    const double *q = x, *v = x + machine->positions;
-    double *dq = d, *dv = d + machine->positions;
-    for (size_t k = 0; k < nv; k++) dv[k] = 0;
-    for (size_t i = 0; i < linear->features; i++)
-        for (size_t k = 0; k < nv; k++) dv[k] += linear->A[k * linear->features + i] * x[i];
+/* The change of positions and velocities, y, over the interval of the times t, at the part s of it. */
+static lg_status slope(void *user, double s, const double *y, const double *t, double *d) {
+    const linear_model *linear = user;
+    const lg_machine *machine = linear->rival->machine;
+    const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
+    const double *q = y, *v = y + nq, h = t[1] - t[0];
+    double *dq = d, *dv = d + nq, x[FEATURES];
+    memcpy(x, y, (nq + nv) * sizeof *x);
+    for (size_t k = 0; k < m; k++) {
+        const double *u = linear->log->u + linear->row * 4 * m + k;
+        x[nq + nv + k] = u[0] + s * (u[m] + s * (u[2 * m] + s * u[3 * m]));
+    }
+    x[nq + nv + m] = 1;
+    for (size_t k = 0; k < nv; k++) {
+        double sum = 0;
+        for (size_t i = 0; i < linear->features; i++) sum += linear->A[k * linear->features + i] * x[i];
+        dv[k] = sum;
+    }
     for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         const double *R = q + at.places, *rate = v + at.velocities - 3;
         for (uint32_t k = 0; k < at.places; k++) dq[k] = at.rotations > 0 ? lg_dot3(R + 3 * k, v) : v[k];
@@ -180,31 +192,17 @@ static void slope(const linear_model *linear, const double *x, double *d) {
         for (int r = 0; r < 3 && at.rotations > 0; r++) lg_cross3(R + 3 * r, rate, dq + at.places + 3 * r);
         q += at.positions, dq += at.positions, v += at.velocities;
     }
+    for (size_t k = 0; k < nq + nv; k++) d[k] *= h;
+    return LG_OK;
 }
 
-/* Makes one RK4 step from q, v over the interval that begins at `row`, and projects the positions. */
-static void advance(const linear_model *linear, const lg_machine_log *log, size_t row, double *q, double *v) {
-    static const double at[4] = {0, 0.5, 0.5, 1}, weight[4] = {1 / 6.0, 1 / 3.0, 1 / 3.0, 1 / 6.0};
-    const lg_machine *machine = linear->machine;
-    const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
-    const double h = log->t[row + 1] - log->t[row];
-    double sum[FEATURES] = {0}, d[FEATURES] = {0}, x[FEATURES];
-    for (int stage = 0; stage < 4; stage++) {
-        const double s = at[stage];
-        for (size_t k = 0; k < nq; k++) x[k] = q[k] + h * s * d[k];
-        for (size_t k = 0; k < nv; k++) x[nq + k] = v[k] + h * s * d[nq + k];
-        for (size_t k = 0; k < m; k++) {
-            const double *u = log->u + row * 4 * m + k;
-            x[nq + nv + k] = u[0] + s * (u[m] + s * (u[2 * m] + s * u[3 * m]));
-        }
-        x[nq + nv + m] = 1;
-        slope(linear, x, d);
-        for (size_t k = 0; k < nq + nv; k++) sum[k] += h * weight[stage] * d[k];
-    }
-    for (size_t k = 0; k < nq; k++) q[k] += sum[k];
-    for (size_t k = 0; k < nv; k++) v[k] += sum[nq + k];
+/* Makes one step of y over an interval, and projects the positions. y is NaN where it is not finite. */
+static void advance(const linear_model *linear, lg_stepper *stepper, double *y) {
+    const lg_machine *machine = linear->rival->machine;
+    if (lg_stepper_step(stepper, 0, 1, y, linear->log->t + linear->row, y) != LG_OK)
+        for (size_t k = 0; k < machine->positions + machine->velocities; k++) y[k] = NAN;
     for (lg_machine_offsets of = {0}; lg_machine_next(machine, &of);) {
-        double *own = q + of.position;
+        double *own = y + of.position;
         if (of.rotations > 0) lg_so3_project(own + of.places);
         const double norm = of.directions > 0 ? sqrt(lg_dot3(own, own)) : 1;
         for (int k = 0; k < 3 && of.directions > 0; k++) own[k] /= norm;
@@ -213,16 +211,37 @@ static void advance(const linear_model *linear, const lg_machine_log *log, size_
 
 static lg_status run_linear(const void *user, const lg_machine_log *log, const size_t *start, size_t count,
                             size_t steps, double *q, double *v, lg_error *error) {
-    const linear_model *linear = user;
-    const size_t nq = linear->machine->positions, nv = linear->machine->velocities;
-    for (size_t i = 0; i < count; i++, q += (steps + 1) * nq, v += (steps + 1) * nv) {
-        memcpy(q, log->q + start[i] * nq, nq * sizeof *q);
-        memcpy(v, log->v + start[i] * nv, nv * sizeof *v);
-        for (size_t step = 0; step < steps; step++) {
-            memcpy(q + (step + 1) * nq, q + step * nq, nq * sizeof *q);
-            memcpy(v + (step + 1) * nv, v + step * nv, nv * sizeof *v);
-            advance(linear, log, start[i] + step, q + (step + 1) * nq, v + (step + 1) * nv);
+    linear_model linear = *(const linear_model *)user;
+    const lg_machine *machine = linear.rival->machine;
+    const size_t nq = machine->positions, nv = machine->velocities;
+    lg_ode ode = {.field = slope, .user = &linear};
+    lg_stepper *stepper;
+    double y[FEATURES];
+    LG_TRY(lg_space_init_rn(&ode.space, nq + nv));
+    LG_TRY(lg_stepper_create(linear.rival->context, lg_scheme_find("rk4"), &ode, &stepper));
+    linear.log = log;
+    for (size_t i = 0; i < count; i++) {
+        memcpy(y, linear.start + start[i] * (nq + nv), (nq + nv) * sizeof *y);
+        for (size_t step = 0; step <= steps; step++, q += nq, v += nv) {
+            linear.row = start[i] + step - 1;
+            if (step > 0) advance(&linear, stepper, y);
+            memcpy(q, y, nq * sizeof *q);
+            memcpy(v, y + nq, nv * sizeof *v);
         }
+    }
+    lg_stepper_destroy(stepper);
+    return LG_OK;
+}
+
+/* Runs the model, and keeps the states at the starts. */
+static lg_status run_rival(const void *user, const lg_machine_log *log, const size_t *start, size_t count,
+                           size_t steps, double *q, double *v, lg_error *error) {
+    const linear_model *linear = user;
+    const size_t nq = linear->rival->machine->positions, nv = linear->rival->machine->velocities;
+    LG_TRY(lg_machine_run(linear->rival, log, start, count, steps, q, v, error));
+    for (size_t i = 0; i < count; i++) {
+        memcpy(linear->start + start[i] * (nq + nv), q + i * (steps + 1) * nq, nq * sizeof *q);
+        memcpy(linear->start + start[i] * (nq + nv) + nq, v + i * (steps + 1) * nv, nv * sizeof *v);
     }
     return LG_OK;
 }
@@ -246,14 +265,11 @@ static void warn_of_horizons(const app *self, const verdict *v) {
 }
 
 /* The errors of the linear model, NaN where accelerations alone are measured: it would have no states. */
-static void judge_linear(const app *self, const identify_given *given, linear_model *linear,
-                         const lg_machine_log *states, double seconds, lg_horizon *out) {
-    const lg_learned_machine *model = &given->model;
+static void judge_linear(const app *self, const linear_model *linear, const lg_machine_log *log,
+                         double seconds, lg_horizon *out) {
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = NAN;
-    if (model->machine->accelerations) return;
-    APP_DO(self, lg_horizon_of, model->machine, run_linear, linear, 0, states, &given->data.logs.log, seconds,
-           values.every, out);
-    if (model->start_rows > 0) out->pooled[LG_ERROR_VELOCITY] = NAN;
+    if (linear->rival->machine->accelerations) return;
+    APP_MUST(self, lg_horizon_of(linear->rival, run_linear, linear, log, seconds, values.every, out, &error));
     for (int e = 0; e < LG_RUN_ERRORS; e++)
         if (out->pooled[e] >= 1e300) out->pooled[e] = NAN;
 }
@@ -263,22 +279,18 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
     const lg_learned_machine *model = &given->model;
     const lg_machine *m = model->machine;
     const lg_machine_log *log = &given->data.logs.log;
-    lg_machine_log simple = *log;
-    APP_FREE double *slopes = NULL;
-    APP_CLEAN(lg_started_log_destroy) lg_started_log states = {.log = *log};
-    if (model->start_rows > 0) {
-        simple.v = slopes = identify_slopes(m, log);
-        APP_MUST(self, lg_machine_states(model, log, values.every, &states, &error));
-    }
-    linear_model linear = {.machine = m, .features = m->positions + m->velocities + m->input_count + 1};
+    APP_CLEAN(lg_started_log_destroy) lg_started_log simple = identify_slopes(self, model, log);
+    APP_FREE double *start = app_alloc(log->rows * (m->positions + m->velocities), sizeof *start);
+    linear_model linear = {model, start, .features = m->positions + m->velocities + m->input_count + 1};
     double left;
     for (size_t i = 0; i < LG_COUNT(linear.A); i++) linear.A[i] = NAN;
-    APP_DO(self, lg_machine_unexplained, m, &simple, linear.A, &left);
+    APP_DO(self, lg_machine_unexplained, m, &simple.log, linear.A, &left);
     out->horizon_count = values.horizons.count > 0 ? values.horizons.count : LG_COUNT(usual);
     for (size_t i = 0; i < out->horizon_count; i++) {
         const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];
-        APP_MUST(self, lg_machine_horizon(model, log, seconds, values.every, &out->horizons[i], &error));
-        judge_linear(self, given, &linear, &states.log, seconds, &out->linear[i]);
+        APP_MUST(self, lg_horizon_of(model, run_rival, &linear, log, seconds, values.every, &out->horizons[i],
+                                     &error));
+        judge_linear(self, &linear, log, seconds, &out->linear[i]);
         if (out->horizons[i].starts == 0)
             app_warn(self, "no run of %g s fits into a part of the logs: that horizon is not judged",
                      seconds);
@@ -298,9 +310,8 @@ static void judge_relative(const lg_machine *machine, const lg_machine_log *data
         for (size_t row = start[i]; row < data->first[part + 1]; row++) {
             double square = 0, total = 0;
             for (size_t k = machine->accelerations ? nq : 0; k < nq + nv; k++) {
-                const size_t at = k < nq ? row * nq + k : row * nv + k - nq;
-                const double a = (k < nq ? data->q : lg_log_shown(data))[at],
-                             b = (k < nq ? out->runs.q : out->runs.v)[at];
+                const double a = lg_log_number(machine, data, row, k),
+                             b = k < nq ? out->runs.q[row * nq + k] : out->runs.v[row * nv + k - nq];
                 if (isnan(a)) continue;
                 square += (a - b) * (a - b), total += (a + b) * (a + b);
             }

@@ -62,7 +62,7 @@ void identify_column_errors(const identify_given *given, const identify_runs *ru
 void identify_put_errors(app_json *out, const lg_machine_file *file, const double *errors, const char *label);
 
 /* Warns about each column that leaves the range of the training data, in the log or in the runs, which may be
- * NULL. */
+ * NULL. Where accelerations are measured, only inputs are compared: the states of the log are guesses. */
 void identify_warn_range(const app *self, const identify_given *given, const identify_runs *runs);
 
 /* Writes the runs as a log with the machine's columns, and their bands as columns NAME.sd. `logs`: the
@@ -141,8 +141,8 @@ typedef struct identify_offset {
 /* Fills `out` (LG_MACHINE_COORDINATES) for runs from the first rows. */
 void identify_find_offsets(const app *self, const identify_given *given, const identify_runs *runs,
                            identify_offset *out);
-/* Velocities (rows, velocities) from lines through 21 positions; the caller frees them. */
-double *identify_slopes(const lg_machine *machine, const lg_machine_log *log);
+/* The log; if it does not have the states at starts, with velocities from lines through 21 positions. */
+lg_started_log identify_slopes(const app *self, const lg_learned_machine *model, const lg_machine_log *log);
 /* Velocities (n, velocities), and on each the learned friction plus the force that the model lacks, from n
  * stretches of 20 intervals. Returns n. */
 size_t identify_lacking(const app *self, const identify_given *given, double **velocity, double **force);

@@ -111,12 +111,13 @@ void identify_find_offsets(const app *self, const identify_given *given, const i
 
 /* ---- velocities of logs that have positions alone ---- */
 
-double *identify_slopes(const lg_machine *machine, const lg_machine_log *log) {
+lg_started_log identify_slopes(const app *self, const lg_learned_machine *model, const lg_machine_log *log) {
     enum { HALF = 10, LINE = 1 };
-    APP_FREE double *q = app_alloc(log->rows * machine->positions, sizeof *q);
-    double *v = app_alloc(log->rows * machine->velocities, sizeof *v);
-    lg_machine_smooth(machine, log, HALF, LINE, q, v);
-    return v;
+    lg_started_log out = {.log = *log};
+    if (model->start_rows == 0) return out;
+    APP_DO(self, lg_machine_smooth, model->machine, log, HALF, LINE, &out);
+    out.log.q = log->q;
+    return out;
 }
 
 /* ---- forces that the model lacks ---- */
@@ -125,22 +126,22 @@ size_t identify_lacking(const app *self, const identify_given *given, double **v
     enum { STEPS = 20, MOST = 1500 };
     const lg_machine *machine = given->model.machine;
     const size_t nq = machine->positions, nv = machine->velocities, points = STEPS + 1;
-    lg_machine_log log = given->data.logs.log;
+    APP_CLEAN(lg_started_log_destroy) lg_started_log slopes = {.q = NULL};
     APP_CLEAN(pushed_destroy) pushed p = {.model = {.machine = NULL}};
-    APP_FREE double *slopes = NULL;
-    APP_FREE size_t *start = app_alloc(log.rows, sizeof *start);
     *velocity = *force = NULL;
     if (machine->accelerations || !pushed_create(self, given, &p)) return 0;
-    if (given->model.start_rows > 0) log.v = slopes = identify_slopes(machine, &log);
-    const size_t every = log.rows / MOST,
-                 count = lg_log_stretches(machine, &log, STEPS, every > STEPS ? every : STEPS, start);
+    slopes = identify_slopes(self, &given->model, &given->data.logs.log);
+    const lg_machine_log *log = &slopes.log;
+    APP_FREE size_t *start = app_alloc(log->rows, sizeof *start);
+    const size_t every = log->rows / MOST,
+                 count = lg_log_starts(machine, log, 0, STEPS, every > STEPS ? every : STEPS, true, start);
     if (count == 0) return 0;
     APP_FREE double *q = app_alloc(count * points * nq, sizeof *q);
     APP_FREE double *v = app_alloc(count * points * nv, sizeof *v);
     APP_FREE double *with = app_alloc(count * points * nv, sizeof *with);
     APP_FREE double *middle_q = app_alloc(count * nq, sizeof *middle_q);
     double *x = *velocity = app_keep(count * nv, sizeof *x), *f = *force = app_keep(count * nv, sizeof *f);
-    identify_run(self, &given->model, &log, start, count, STEPS, q, v);
+    identify_run(self, &given->model, log, start, count, STEPS, q, v);
     for (size_t i = 0; i < count; i++) {
         memcpy(middle_q + i * nq, q + (i * points + STEPS / 2) * nq, nq * sizeof *q);
         memcpy(x + i * nv, v + (i * points + STEPS / 2) * nv, nv * sizeof *x);
@@ -148,12 +149,12 @@ size_t identify_lacking(const app *self, const identify_given *given, double **v
     identify_values(self, &given->model, count, middle_q, x, NULL, f);
     for (uint32_t k = 0; k < nv; k++) {
         push(&p, k, 1);
-        identify_run(self, &p.model, &log, start, count, STEPS, NULL, with);
+        identify_run(self, &p.model, log, start, count, STEPS, NULL, with);
         push(&p, k, -1);
         for (size_t i = 0; i < count; i++) {
             const size_t end = (i * points + STEPS) * nv + k;
             const double change = (with[end] - v[end]) / force_of(&p, k);
-            f[i * nv + k] += (log.v[(start[i] + STEPS) * nv + k] - v[end]) / change;
+            f[i * nv + k] += (log->v[(start[i] + STEPS) * nv + k] - v[end]) / change;
         }
     }
     return count;

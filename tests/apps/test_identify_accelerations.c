@@ -110,6 +110,15 @@ TEST("the bias of a sensor is learned together with a spring, and predictions ha
     assert_true(size > 100 * sum);
 }
 
+TEST("accelerations of a prediction, and guessed states, are not compared with the range of states") {
+    generate(&examples[0]);
+    cli_run(identify, "fit machine.yaml log1.csv --out m.h5");
+    cli_run(identify, "predict m.h5 log1.csv --out p.csv");
+    if (strstr(result.err, "outside the training data") != NULL) fail_msg("%s", result.err);
+    cli_run(identify, "evaluate m.h5 log1.csv --horizons 1");
+    if (strstr(result.err, "outside the training data") != NULL) fail_msg("%s", result.err);
+}
+
 TEST("what accelerations do not show is said: the zero of a position, and where a free mass is") {
     generate(&examples[0]);
     cli_write("open.yaml", LINE "mass: diagonal\npotential: {kind: polynomial, of: x, degree: 2}\n"

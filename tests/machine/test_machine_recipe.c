@@ -308,6 +308,14 @@ static void turning(double t, double *q, double *v) {
     for (int i = 0; i < 3; i++) *v++ = 0.5 * axis[i];
 }
 
+static void smooth(const lg_machine *machine, const lg_machine_log *log, double *q, double *v) {
+    lg_started_log found;
+    assert_ok(lg_machine_smooth(NULL, machine, log, 6, 3, &found, NULL));
+    memcpy(q, found.q, log->rows * machine->positions * sizeof *q);
+    memcpy(v, found.v, log->rows * machine->velocities * sizeof *v);
+    lg_started_log_destroy(&found);
+}
+
 TEST("velocities of every kind of coordinate follow from local cubics of positions, and are missing where "
      "rows "
      "are few") {
@@ -325,7 +333,7 @@ TEST("velocities of every kind of coordinate follow from local cubics of positio
     for (size_t i = 0; i < N; i++) turning(t[i] = 0.02 * (double)i, q + i * NQ, v + i * NV);
     q[20 * NQ] = (double)NAN;
     const lg_machine_log log = {.rows = N, .parts = 3, .first = first, .t = t, .q = q, .v = v};
-    lg_machine_smooth(&machine, &log, 6, 3, found_q, found_v);
+    smooth(&machine, &log, found_q, found_v);
     for (size_t i = 0; i < N - 3; i++) { /* the last row has no row after it */
         for (int k = 0; k < NV; k++) assert_close(found_v[i * NV + k], v[i * NV + k], 2e-3, 2e-3);
         assert_close(found_q[i * NQ], 1 + 2 * t[i] - t[i] * t[i] * t[i], 1e-9, 1e-9);
@@ -340,12 +348,12 @@ TEST("velocities of every kind of coordinate follow from local cubics of positio
     for (int k = 0; k < NV; k++) assert_close(row_v[k], v[10 * NV + k], 2e-3, 2e-3);
     for (size_t row = 0; row < N; row++)
         if (row % 20 > 3) q[row * NQ] = q[row * NQ + 13] = (double)NAN;
-    lg_machine_smooth(&machine, &log, 6, 3, found_q, found_v);
+    smooth(&machine, &log, found_q, found_v);
     assert_true(isnan(found_v[10 * NV]) && isnan(found_v[10 * NV + 7])); /* no row near it */
     assert_true(isnan(found_v[17 * NV]));                                /* all rows come later */
     assert_true(isfinite(found_v[10 * NV + 1]));
     for (size_t row = 0; row < N; row++) t[row] = 1e-9 * (double)row + (row < 5 ? 0 : 1);
-    lg_machine_smooth(&machine, &log, 6, 3, found_q, found_v);
+    smooth(&machine, &log, found_q, found_v);
     assert_true(isnan(found_v[4 * NV + 1])); /* two times do not determine a cubic */
 }
 

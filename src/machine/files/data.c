@@ -178,26 +178,48 @@ void lg_machine_look(lg_machine_state *s) {
     s->noisy = find_noises(&s->data, &s->noise);
 }
 
-/* ---- ranges ---- */
+/* ---- numbers of rows ---- */
 
-static void widen(lg_machine_range *range, size_t at, const double *values, size_t count) {
-    for (size_t i = 0; i < count; i++) {
-        if (isnan(values[i])) continue;
-        range->low[at + i] = fmin(range->low[at + i], values[i]);
-        range->high[at + i] = fmax(range->high[at + i], values[i]);
+double lg_log_number(const lg_machine *machine, const lg_machine_log *log, size_t row, size_t i) {
+    const size_t nq = machine->positions, nv = machine->velocities;
+    if (i >= nq + nv) return log->u[4 * row * machine->input_count + i - nq - nv];
+    if (i >= nq) return lg_log_shown(log)[row * nv + i - nq];
+    return machine->accelerations ? NAN : log->q[row * nq + i];
+}
+
+double lg_log_change(const lg_machine *machine, const lg_machine_log *log, size_t i, size_t lag) {
+    enum { MOST = 20000 };
+    const size_t every = log->rows / MOST + 1;
+    lg_squares s = {0, 0};
+    for (size_t p = 0; p < log->parts; p++)
+        for (size_t row = log->first[p]; row + lag < log->first[p + 1]; row += every)
+            lg_squares_add(&s,
+                           lg_log_number(machine, log, row + lag, i) - lg_log_number(machine, log, row, i));
+    return s.sum / (double)s.count;
+}
+
+double lg_log_variance(const lg_machine *machine, const lg_machine_log *log, size_t i) {
+    double sum = 0, count = 0;
+    lg_squares s = {0, 0};
+    for (size_t row = 0; row < log->rows; row++) {
+        const double x = lg_log_number(machine, log, row, i);
+        if (!isnan(x)) sum += x, count++;
     }
+    for (size_t row = 0; row < log->rows; row++)
+        lg_squares_add(&s, lg_log_number(machine, log, row, i) - sum / count);
+    return s.sum / (double)s.count;
 }
 
 void lg_machine_find_range(const lg_machine *machine, const lg_machine_log *log, lg_machine_range *out) {
-    const size_t nq = machine->positions, nv = machine->velocities, m = machine->input_count;
+    const size_t states = machine->positions + machine->velocities;
     for (size_t i = 0; i < LG_MACHINE_RANGE; i++) {
-        const bool used = i < nq + nv + m;
+        const bool used = i < states + machine->input_count;
         out->low[i] = used ? 1e300 : 0.0;
         out->high[i] = used ? -1e300 : 0.0;
-    }
-    for (size_t row = 0; row < log->rows; row++) {
-        if (!machine->accelerations) widen(out, 0, log->q + row * nq, nq);
-        if (!machine->accelerations) widen(out, nq, log->v + row * nv, nv);
-        if (m > 0) widen(out, nq + nv, log->u + row * 4 * m, m);
+        for (size_t row = 0; row < log->rows && used && (i >= states || !machine->accelerations); row++) {
+            const double x = lg_log_number(machine, log, row, i);
+            out->low[i] = fmin(out->low[i], x);
+            out->high[i] = fmax(out->high[i], x);
+        }
     }
 }

@@ -3,46 +3,13 @@
 
 #include "machine/files/choice.h"
 
-/* ---- numbers of a row ---- */
-
-/* Number i of a row of the log, positions first; positions are missing where accelerations are measured. */
-static double logged_at(const lg_machine *machine, const lg_machine_log *log, size_t row, size_t i) {
-    const size_t nq = machine->positions;
-    if (i >= nq) return lg_log_shown(log)[row * machine->velocities + i - nq];
-    return machine->accelerations ? NAN : log->q[row * nq + i];
-}
-
 /* ---- the length of windows ---- */
-
-/* Mean square of a number's changes over `lag` rows; NaN: none. */
-static double mean_change(const lg_machine *machine, const lg_machine_log *log, size_t i, size_t lag) {
-    enum { MOST = 20000 };
-    const size_t every = log->rows / MOST + 1;
-    lg_squares s = {0, 0};
-    for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p]; row + lag < log->first[p + 1]; row += every)
-            lg_squares_add(&s, logged_at(machine, log, row + lag, i) - logged_at(machine, log, row, i));
-    return s.sum / (double)s.count;
-}
-
-/* Mean square of a number around its mean. */
-static double variance(const lg_machine *machine, const lg_machine_log *log, size_t i) {
-    double sum = 0, count = 0;
-    lg_squares s = {0, 0};
-    for (size_t row = 0; row < log->rows; row++) {
-        const double x = logged_at(machine, log, row, i);
-        if (!isnan(x)) sum += x, count++;
-    }
-    for (size_t row = 0; row < log->rows; row++)
-        lg_squares_add(&s, logged_at(machine, log, row, i) - sum / count);
-    return s.sum / (double)s.count;
-}
 
 /* Rows in which a number changes by its size, at most `most`. */
 static size_t rows_of_change(const lg_machine *machine, const lg_machine_log *log, size_t i, size_t most) {
-    const double size = variance(machine, log, i);
+    const double size = lg_log_variance(machine, log, i);
     size_t lag = 1;
-    while (lag < most && mean_change(machine, log, i, lag) < size) lag = lag + lag / 4 + 1;
+    while (lag < most && lg_log_change(machine, log, i, lag) < size) lag = lag + lag / 4 + 1;
     return lag < most ? lag : most;
 }
 
@@ -89,8 +56,8 @@ static void find_weights(const lg_machine *machine, const lg_machine_log *log, l
         lg_squares s = {0, 0};
         for (size_t w = 0; w < out->count; w++)
             for (size_t j = 1; j <= out->steps; j++)
-                lg_squares_add(&s, logged_at(machine, log, out->start[w] + j, i) -
-                                       logged_at(machine, log, out->start[w], i));
+                lg_squares_add(&s, lg_log_number(machine, log, out->start[w] + j, i) -
+                                       lg_log_number(machine, log, out->start[w], i));
         if (s.sum > 0) out->weight[i] = (double)s.count / s.sum;
         any = any || s.sum > 0;
     }

@@ -67,15 +67,13 @@ static void runs_end(runs *r) {
     lg_free(r->context, r->q);
 }
 
-/* Predicts the runs from states of the log `from`. */
-static lg_status predict(lg_runner *runner, const void *model, const lg_machine_log *from, runs *r,
-                         lg_error *error) {
+static lg_status predict(lg_runner *runner, const void *model, runs *r, lg_error *error) {
     const size_t points = r->count * (r->steps + 1), nq = r->machine->positions;
     runs_end(r);
     r->q = lg_alloc(r->context, points * (nq + r->machine->velocities), sizeof *r->q);
     if (r->q == NULL) return lg_no_memory(error);
     r->v = r->q + points * nq;
-    return runner(model, from, r->start, r->count, r->steps, r->q, r->v, error);
+    return runner(model, r->log, r->start, r->count, r->steps, r->q, r->v, error);
 }
 
 static lg_status free_run(const lg_learned_machine *m, const lg_machine_log *log, const size_t *start,
@@ -106,7 +104,7 @@ static void add_run(const runs *r, size_t i, double seconds, bool unchanged, lg_
 /* ---- errors up to a horizon ---- */
 
 size_t lg_log_starts(const lg_machine *machine, const lg_machine_log *log, size_t start_rows, size_t steps,
-                     size_t every, size_t *out) {
+                     size_t every, bool ended, size_t *out) {
     const bool estimated = start_rows > 0;
     const size_t before = estimated ? start_rows - 1 : 0;
     size_t count = 0;
@@ -114,17 +112,9 @@ size_t lg_log_starts(const lg_machine *machine, const lg_machine_log *log, size_
         for (size_t row = log->first[p]; row + steps < log->first[p + 1]; row += every)
             if (row >= log->first[p] + before &&
                 lg_machine_log_complete(machine, log, row - before, estimated) &&
-                lg_machine_log_complete(machine, log, row, estimated))
+                lg_machine_log_complete(machine, log, row, estimated) &&
+                (!ended || lg_machine_log_complete(machine, log, row + steps, false)))
                 out[count++] = row;
-    return count;
-}
-
-size_t lg_log_stretches(const lg_machine *machine, const lg_machine_log *log, size_t steps, size_t every,
-                        size_t *out) {
-    const size_t all = lg_log_starts(machine, log, 0, steps, every, out);
-    size_t count = 0;
-    for (size_t i = 0; i < all; i++)
-        if (lg_machine_log_complete(machine, log, out[i] + steps, false)) out[count++] = out[i];
     return count;
 }
 
@@ -163,54 +153,46 @@ static void set_errors(const runs *r, double *own, lg_horizon *out) {
     }
 }
 
-lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner,
-                        const void *user, size_t start_rows, const lg_machine_log *from,
+lg_status lg_horizon_of(const lg_learned_machine *model, lg_runner *runner, const void *user,
                         const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
                         lg_error *error) {
+    const lg_context *context = model->context;
     *out = (lg_horizon){.seconds = seconds};
     for (int e = 0; e < LG_RUN_ERRORS; e++) out->pooled[e] = out->median[e] = out->unchanged[e] = NAN;
     LG_TRY_SCRATCH(size_t, start, context, log->rows, lg_no_memory(error));
     LG_TRY_SCRATCH(double, own, context, log->rows *LG_RUN_ERRORS, lg_no_memory(error));
     LG_CLEAN(runs_end)
-    runs r = {context, machine, .log = log, .steps = most_steps(log, seconds), .start = start};
-    if (r.steps > 0) out->starts = r.count = lg_log_starts(machine, from, start_rows, r.steps, every, start);
+    runs r = {context, model->machine, .log = log, .steps = most_steps(log, seconds), .start = start};
+    if (r.steps > 0)
+        out->starts = r.count =
+            lg_log_starts(r.machine, log, model->start_rows, r.steps, every, false, start);
     if (r.count == 0) return LG_OK;
-    LG_TRY(predict(runner, user, from, &r, error));
+    LG_TRY(predict(runner, user, &r, error));
     set_errors(&r, own, out);
     return LG_OK;
 }
 
 /* ---- estimated starts ---- */
 
-/* Copies the log, but for its states: the copy has arrays of its own, which begin as zeros. */
-static lg_status begin_states(const lg_learned_machine *model, const lg_machine_log *log, lg_started_log *out,
-                              lg_error *error) {
-    const size_t nq = model->machine->positions, n = nq + model->machine->velocities;
-    *out = (lg_started_log){.log = *log, .context = model->context};
-    out->log.q = out->q = lg_alloc(model->context, log->rows * n, sizeof *out->q);
+lg_status lg_started_log_begin(const lg_context *context, const lg_machine *machine,
+                               const lg_machine_log *log, lg_started_log *out, lg_error *error) {
+    const size_t nq = machine->positions, n = nq + machine->velocities;
+    *out = (lg_started_log){.log = *log, .context = context};
+    out->log.q = out->q = lg_alloc(context, log->rows * n, sizeof *out->q);
     if (out->q == NULL) return lg_no_memory(error);
     out->log.v = out->v = out->q + log->rows * nq;
     return LG_OK;
-}
-
-static void put_states(const lg_machine *machine, const size_t *row, size_t count, const double *q,
-                       const double *v, lg_started_log *out) {
-    const size_t nq = machine->positions, nv = machine->velocities;
-    for (size_t i = 0; i < count; i++) {
-        memcpy(out->q + row[i] * nq, q + i * nq, nq * sizeof *q);
-        memcpy(out->v + row[i] * nv, v + i * nv, nv * sizeof *v);
-    }
 }
 
 lg_status lg_started_log_create(const lg_learned_machine *model, const lg_machine_log *log, const size_t *row,
                                 size_t count, lg_started_log *out, lg_error *error) {
     const lg_context *context = model->context;
     const lg_machine *machine = model->machine;
-    const size_t nq = machine->positions;
+    const size_t nq = machine->positions, nv = machine->velocities;
     const uint32_t rows = model->start_rows;
     lg_machine_log guessed = *log;
-    LG_TRY(begin_states(model, log, out, error));
-    LG_TRY_SCRATCH(double, q, context, count *(nq + machine->velocities), lg_no_memory(error));
+    LG_TRY(lg_started_log_begin(context, machine, log, out, error));
+    LG_TRY_SCRATCH(double, q, context, count *(nq + nv), lg_no_memory(error));
     double *v = q + count * nq;
     if (machine->accelerations) { /* the guesses of the log are not good enough for the model's own starts */
         LG_TRY(lg_machine_estimate_states(context, machine, model->theta, model->scheme, model->substeps, log,
@@ -219,7 +201,10 @@ lg_status lg_started_log_create(const lg_learned_machine *model, const lg_machin
     }
     LG_TRY(lg_machine_estimate_starts(context, machine, model->theta, model->scheme, model->substeps,
                                       &guessed, row, count, rows, q, v, error));
-    put_states(machine, row, count, q, v, out);
+    for (size_t i = 0; i < count; i++) {
+        memcpy(out->q + row[i] * nq, q + i * nq, nq * sizeof *q);
+        memcpy(out->v + row[i] * nv, v + i * nv, nv * sizeof *v);
+    }
     return LG_OK;
 }
 
@@ -258,24 +243,7 @@ lg_status lg_machine_run(const void *user, const lg_machine_log *log, const size
 
 lg_status lg_machine_horizon(const lg_learned_machine *model, const lg_machine_log *log, double seconds,
                              size_t every, lg_horizon *out, lg_error *error) {
-    return lg_horizon_of(model->context, model->machine, lg_machine_run, model, model->start_rows, log, log,
-                         seconds, every, out, error);
-}
-
-lg_status lg_machine_states(const lg_learned_machine *model, const lg_machine_log *log, size_t every,
-                            lg_started_log *out, lg_error *error) {
-    const lg_machine *machine = model->machine;
-    const size_t nq = machine->positions, nv = machine->velocities;
-    LG_TRY(begin_states(model, log, out, error));
-    LG_TRY_SCRATCH(double, states, model->context, log->rows *(nq + nv), lg_no_memory(error));
-    LG_TRY_SCRATCH(size_t, start, model->context, log->rows, lg_no_memory(error));
-    memcpy(out->q, log->q, log->rows * nq * sizeof *out->q);
-    for (size_t i = 0; i < log->rows * nv; i++) out->v[i] = NAN;
-    const size_t count = lg_log_starts(machine, log, model->start_rows, 0, every, start);
-    if (count == 0) return LG_OK;
-    LG_TRY(lg_machine_run(model, log, start, count, 0, states, states + count * nq, error));
-    put_states(machine, start, count, states, states + count * nq, out);
-    return LG_OK;
+    return lg_horizon_of(model, lg_machine_run, model, log, seconds, every, out, error);
 }
 
 /* ---- the rows that estimate a start ---- */
@@ -314,11 +282,11 @@ lg_status lg_machine_choose_start_rows(lg_learned_machine *model, const lg_machi
     LG_CLEAN(runs_end)
     runs r = {model->context, machine, .log = log, .steps = most < LONG ? STEPS : LONG, .start = start};
     model->start_rows = (uint32_t)usual;
-    r.count = lg_log_starts(machine, log, most > usual ? most : usual, r.steps, every, start);
+    r.count = lg_log_starts(machine, log, most > usual ? most : usual, r.steps, every, false, start);
     for (size_t i = 0; i < LG_COUNT(parts) && r.count > 0; i++) {
         tried.start_rows = (uint32_t)(parts[i] * (double)usual + 0.5);
         if (tried.start_rows > most && parts[i] > 1) continue;
-        LG_TRY(predict(lg_machine_run, &tried, log, &r, error));
+        LG_TRY(predict(lg_machine_run, &tried, &r, error));
         const double score = score_of(&r);
         if (!(score < best - clear)) continue;
         best = score;
@@ -388,7 +356,7 @@ lg_status lg_machine_window_loss(const lg_learned_machine *model, const lg_machi
     if (!model->machine->accelerations)
         r.count = lg_machine_windows(model->machine, log, window, 1, false, start);
     if (r.count == 0) return LG_OK;
-    LG_TRY(predict(lg_machine_run, model, log, &r, error));
+    LG_TRY(predict(lg_machine_run, model, &r, error));
     for (size_t i = 0; i < r.count; i++)
         for (size_t step = 1; step <= r.steps; step++)
             sum += point_loss(r.machine, e, errors_at(&r, i, step, false, true, e));
@@ -404,7 +372,7 @@ lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *m
     LG_CLEAN(runs_end)
     runs r = {held->context,        model->machine,       .log = log,
               .steps = held->steps, .count = held->count, .start = held->start};
-    LG_TRY(predict(lg_machine_run, &own, log, &r, error));
+    LG_TRY(predict(lg_machine_run, &own, &r, error));
     for (size_t i = 0; i < r.count; i++) {
         double sum = 0, count = 0;
         for (size_t step = 1; step <= r.steps; step++)
@@ -432,7 +400,7 @@ lg_status lg_machine_residuals(const lg_learned_machine *model, const lg_machine
               .steps = problem->window - 1,
               .count = problem->windows - problem->validation,
               .start = problem->start};
-    LG_TRY(predict(lg_machine_run, model, &problem->log, &r, error));
+    LG_TRY(predict(lg_machine_run, model, &r, error));
     for (size_t i = 0; i < r.count; i++)
         for (size_t step = 1; step <= r.steps; step++) {
             const size_t count = errors_at(&r, i, step, false, false, e);

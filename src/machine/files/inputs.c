@@ -24,21 +24,12 @@ static const lg_machine_trial *trial_at(const grid *g, uint32_t hold, uint32_t d
 /* Whether an input changes so little from row to row that it does not matter how it acts between rows. */
 static bool acts_alike(const lg_machine_data *data) {
     static const double little = 1e-3;
-    const size_t m = data->file.machine.input_count;
-    const lg_machine_log *log = &data->training;
-    for (size_t i = 0; i < m; i++) {
-        double sum = 0, square = 0, change = 0;
-        for (size_t p = 0; p < log->parts; p++)
-            for (size_t row = log->first[p]; row < log->first[p + 1]; row++) {
-                const double u = log->u[4 * row * m + i];
-                const double d = row > log->first[p] ? u - log->u[4 * (row - 1) * m + i] : 0;
-                sum += u;
-                square += u * u;
-                change += d * d;
-            }
-        const double variance = square / (double)log->rows - pow(sum / (double)log->rows, 2);
-        if (change / (double)log->rows > little * little * variance) return false;
-    }
+    const lg_machine *machine = &data->file.machine;
+    const size_t first = machine->positions + machine->velocities, end = first + machine->input_count;
+    for (size_t i = first; i < end; i++)
+        if (lg_log_change(machine, &data->training, i, 1) >
+            little * little * lg_log_variance(machine, &data->training, i))
+            return false;
     return true;
 }
 

@@ -91,17 +91,14 @@ static bool has_converged(const lg_training *self, const lg_machine_verdict *wha
 static void drop_errors(const lg_training *self, lg_machine_verdict *what) {
     lg_identification *of = &what->identified;
     if (what->converged || what->count == 0) return;
+    char why[128] = "it had too few evaluations";
     if (of->step > 1.0)
-        LG_WARN(self,
-                "the fit has not converged (%s): a further step would change a number by %.2g times its "
-                "standard error, so no standard errors are given; give more epochs or seconds",
-                lg_fit_end_sentence(self->fit), of->step);
-    else
-        LG_WARN(
-            self,
-            "the fit has not converged (%s): it had too few evaluations, so no standard errors are given; "
-            "give more epochs or seconds",
-            lg_fit_end_sentence(self->fit));
+        (void)lg_format(why, sizeof why,
+                        "a further step would change a number by %.2g times its standard error", of->step);
+    LG_WARN(
+        self,
+        "the fit has not converged (%s): %s, so no standard errors are given; give more epochs or seconds",
+        lg_fit_end_sentence(self->fit), why);
     for (size_t i = 0; i < what->count; i++) of->numbers[i].error = NAN;
     for (size_t i = 0; i < what->count * what->count; i++) of->correlations[i] = 0.0;
     of->spread = NULL;

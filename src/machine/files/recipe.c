@@ -183,16 +183,11 @@ static lg_status find_scales(lg_training *self, lg_error *error) {
     enum { PART = 8 };
     const lg_machine_state *s = self->state;
     lg_machine_model_run *run = self->run;
-    lg_machine_log log = s->data.training;
-    double *q, *v;
-    if (s->positions && s->noisy) {
-        LG_TRAINING_ARRAY(self, q, log.rows * run->machine.positions, error);
-        LG_TRAINING_ARRAY(self, v, log.rows * run->machine.velocities, error);
-        lg_machine_smooth(&run->machine, &log, window_of_noise(run, s, 60) / PART, 3, q, v);
-        log.q = q;
-        log.v = v;
-    }
-    return lg_machine_find_scales(&run->machine, &log, error);
+    LG_CLEAN(lg_started_log_destroy) lg_started_log smooth = {.log = s->data.training};
+    if (s->positions && s->noisy)
+        LG_TRY(lg_machine_smooth(self->context, &run->machine, &s->data.training,
+                                 window_of_noise(run, s, 60) / PART, 3, &smooth, error));
+    return lg_machine_find_scales(&run->machine, &smooth.log, error);
 }
 
 /* The delays of the inputs as they were applied (lg_machine_model_run). */

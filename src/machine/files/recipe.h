@@ -54,6 +54,12 @@ lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name,
                                     lg_error *error);
 /* Writes the SHA-256 of the rows of a log as little-endian doubles (model.c). */
 void lg_machine_log_sha256(const lg_machine *machine, const lg_machine_log *log, char text[LG_SHA256_TEXT]);
+/* Number i of a row of a log: positions, then velocities or accelerations, then inputs. Where accelerations
+ * are measured, positions are missing (NaN) (data.c). */
+double lg_log_number(const lg_machine *machine, const lg_machine_log *log, size_t row, size_t i);
+/* Mean square of such a number's changes over `lag` rows, and around its mean. NaN: there are none. */
+double lg_log_change(const lg_machine *machine, const lg_machine_log *log, size_t i, size_t lag);
+double lg_log_variance(const lg_machine *machine, const lg_machine_log *log, size_t i);
 /* Writes the range of the numbers in a log; low > high for numbers that are not measured. */
 void lg_machine_find_range(const lg_machine *machine, const lg_machine_log *log, lg_machine_range *out);
 
@@ -114,22 +120,19 @@ static inline lg_learned_machine lg_model_learned(const lg_context *context, con
 static inline const double *lg_log_shown(const lg_machine_log *log) {
     return log->a != NULL ? log->a : log->v;
 }
-/* A copy of a log with estimated states at some rows: q (rows, positions) and v (rows, velocities) are set in
- * these rows alone. */
+/* A copy of a log with states of its own: q (rows, positions) and v (rows, velocities), which begin as
+ * zeros. */
 typedef struct lg_started_log {
     lg_machine_log log;
     double *q, *v;
     const lg_context *context;
 } lg_started_log;
+lg_status lg_started_log_begin(const lg_context *context, const lg_machine *machine,
+                               const lg_machine_log *log, lg_started_log *out, lg_error *error);
 /* Estimates the states at row[0..count-1], each from model->start_rows rows, of which it is the first; fewer
  * at the end of a part. `out` must be destroyed even after an error. */
 lg_status lg_started_log_create(const lg_learned_machine *model, const lg_machine_log *log, const size_t *row,
                                 size_t count, lg_started_log *out, lg_error *error);
-/* Estimates the states at rows `every` apart in each part, each from model->start_rows rows, of which it is
- * the last. Velocities of all other rows are NaN, so that no run begins there. `out` must be destroyed even
- * after an error. */
-lg_status lg_machine_states(const lg_learned_machine *model, const lg_machine_log *log, size_t every,
-                            lg_started_log *out, lg_error *error);
 void lg_started_log_destroy(lg_started_log *started);
 /* Sets model->start_rows to the number of rows, from 8 % of lg_start_rows to 200 but at most an eighth of a
  * part, with the least error of runs of up to 32 rows (128 in long parts) from the same starts in this log.
@@ -183,16 +186,13 @@ typedef lg_status lg_runner(const void *user, const lg_machine_log *log, const s
 lg_runner lg_machine_run;
 /* Lists rows, `every` rows apart in each part, from which a run of `steps` intervals stays within the part.
  * A row must be complete; with start_rows > 0 the state must be estimable from the start_rows rows that end
- * there. Returns their number; `out` has room for all rows of the log. */
+ * there; with `ended` the last row of a run must be complete, too. Returns their number; `out` has room for
+ * all rows of the log. */
 size_t lg_log_starts(const lg_machine *machine, const lg_machine_log *log, size_t start_rows, size_t steps,
-                     size_t every, size_t *out);
-/* The same for logged states at both ends of a run. */
-size_t lg_log_stretches(const lg_machine *machine, const lg_machine_log *log, size_t steps, size_t every,
-                        size_t *out);
-/* Errors of runs that begin at complete rows of `from`, or at rows that have start_rows rows up to them,
- * `every` rows apart in each part. `from` is `log`, or has its rows with other states (lg_machine_states). */
-lg_status lg_horizon_of(const lg_context *context, const lg_machine *machine, lg_runner *runner,
-                        const void *user, size_t start_rows, const lg_machine_log *from,
+                     size_t every, bool ended, size_t *out);
+/* Errors of runs that begin where the model's runs do: at complete rows, or at rows that have
+ * model->start_rows rows up to them, `every` rows apart in each part. */
+lg_status lg_horizon_of(const lg_learned_machine *model, lg_runner *runner, const void *user,
                         const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
                         lg_error *error);
 /* As lg_horizon_of for the runs of lg_machine_run. */
@@ -348,10 +348,10 @@ lg_status lg_machine_warm_up(struct lg_training *self, double *theta, lg_error *
  * its first step leads far away, and a fit that begins there rejects all steps. Such parameters begin again
  * at a tenth of their initial values, which make a hundredth of the initial friction (warm_up.c). */
 void lg_machine_revive(const lg_machine *machine, const double *initial, double *theta);
-/* Positions q and velocities v of all rows from polynomials of a degree up to 3 through 2 half + 1 rows,
- * fewer at the ends of parts. NaN where too few rows have a position (smooth.c). */
-void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uint32_t half, uint32_t degree,
-                       double *q, double *v);
+/* States of all rows from polynomials of a degree up to 3 through 2 half + 1 rows, fewer at the ends of
+ * parts. NaN where too few rows have a position. `out` must be destroyed even after an error (smooth.c). */
+lg_status lg_machine_smooth(const lg_context *context, const lg_machine *machine, const lg_machine_log *log,
+                            uint32_t half, uint32_t degree, lg_started_log *out, lg_error *error);
 /* The trainer's hook `judge`: fills the verdict, and warns of what is wrong with the model. */
 lg_status lg_machine_judge(struct lg_training *self, double *theta, lg_error *error);
 

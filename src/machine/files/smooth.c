@@ -67,8 +67,10 @@ static void smooth_row(const lg_machine *machine, const lg_machine_log *log, siz
     }
 }
 
-void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uint32_t half, uint32_t degree,
-                       double *q, double *v) {
+lg_status lg_machine_smooth(const lg_context *context, const lg_machine *machine, const lg_machine_log *log,
+                            uint32_t half, uint32_t degree, lg_started_log *out, lg_error *error) {
+    LG_TRY(lg_started_log_begin(context, machine, log, out, error));
+    double *q = out->q, *v = out->v;
     memcpy(q, log->q, log->rows * machine->positions * sizeof *q);
     for (size_t i = 0; i < log->rows * machine->velocities; i++) v[i] = NAN;
     for (size_t p = 0; p < log->parts; p++)
@@ -80,4 +82,5 @@ void lg_machine_smooth(const lg_machine *machine, const lg_machine_log *log, uin
                 smooth_row(machine, log, first, last, row, degree, q + row * machine->positions,
                            v + row * machine->velocities);
         }
+    return LG_OK;
 }
