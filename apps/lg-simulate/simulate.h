@@ -126,9 +126,8 @@ typedef struct watch {
     bool energetic;              /* the first invariant is the energy */
     /* rest (dim): the state with velocities set to zero; kinetic: largest kinetic energy. */
     double *rest, kinetic;
-    /* Largest distance from the manifold; of the positions alone; largest number of the state, at least 1. */
-    double manifold, placed, size;
-    double spent; /* seconds spent on observing */
+    double manifold, placed; /* largest distance from the manifold; of the positions alone */
+    double spent;            /* seconds spent on observing */
     bool traced;
     trace trace;
     bool recorded; /* t and h of all steps are kept */

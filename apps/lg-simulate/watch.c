@@ -77,14 +77,13 @@ static void look_at_kinetic(watch *self) {
     self->kinetic = fmax(self->kinetic, fmin(kinetic, fmax(self->start[0] - potential, self->kinetic)));
 }
 
-/* The distance from the manifold, and what it is compared with. Returns the distance at y. */
+/* Returns the distance of y from the manifold. */
 static double look_at_manifold(watch *self, const double *y) {
     const lg_space *space = lg_system_space(self->sim->system);
     const double error = lg_space_manifold_error(space, y);
     put_to_rest(self, y);
     self->manifold = larger(self->manifold, error);
     self->placed = larger(self->placed, lg_space_manifold_error(space, self->rest));
-    for (size_t i = 0; i < self->sim->dim; i++) self->size = fmax(self->size, fabs(y[i]));
     return error;
 }
 
@@ -108,7 +107,6 @@ void watch_again(watch *self, const double *y0) {
         self->drift[i] = 0;
     }
     self->manifold = self->placed = self->kinetic = 0;
-    self->size = 1;
     (void)look_at_manifold(self, y0);
     if (self->energetic) look_at_kinetic(self);
 }
@@ -148,7 +146,7 @@ lg_status watch_step(void *user, double t, double h, const double *y) {
  * below ENERGY_ROUNDING times the energy is only rounding. */
 #define ENERGY_TOLD     0.1
 #define ENERGY_ROUNDING 1e-10
-/* Constraints of positions are of size 1: |q|^2 = 1, R^T R = 1. The others, q.p = 0, have the unit of p. */
+/* Constraints of positions are of size 1: |q|^2 = 1, R^T R = 1. Those of momenta, q.p = 0, have units. */
 #define MANIFOLD_TOLD 0.01
 
 bool watch_lost_energy(const watch *self, const lg_scheme *scheme) {
@@ -158,7 +156,7 @@ bool watch_lost_energy(const watch *self, const lg_scheme *scheme) {
 }
 
 bool watch_left_manifold(const watch *self) {
-    return self->placed > MANIFOLD_TOLD || self->manifold > MANIFOLD_TOLD * self->size;
+    return self->placed > MANIFOLD_TOLD;
 }
 
 void watch_warn(const watch *self, const plan *how, const outcome *run) {
@@ -178,5 +176,5 @@ void watch_warn(const watch *self, const plan *how, const outcome *run) {
         app_warn(self->sim->self,
                  "the state leaves the manifold: a constraint is violated by %.3g: give %s, or a method that "
                  "stays on it, such as cf4",
-                 self->manifold, remedy);
+                 self->placed, remedy);
 }

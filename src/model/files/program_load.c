@@ -84,24 +84,22 @@ static lg_status get_names(reading *r, const char *group, texts *out) {
 
 /* ---- functions ---- */
 
-/* Adds the function to the program; `path` is for the sentence of an error. */
+/* Adds the function to the program. A byte that changed may be another function that can be read, so bytes
+ * need their hash, if the file has it. */
 static lg_status unpack(reading *r, const char *path, const char *name, const void *bytes, size_t size) {
     LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
     lg_error why = {LG_OK, ""};
+    char hash[LG_SHA256_TEXT], stored[LG_SHA256_TEXT];
+    lg_program_hash(bytes, size, hash);
+    if (lg_h5_has_attribute(r->h5, path, "sha256"))
+        LG_TRY(lg_as_format(lg_h5_text(r->h5, path, "sha256", stored, sizeof stored, r->error), r->error));
+    else
+        memcpy(stored, hash, sizeof stored);
+    if (strcmp(hash, stored) != 0) return bad(r, path, "has changed: its attribute sha256 is of other bytes");
     lg_status status = lg_function_unpack(r->h5->context, name, bytes, size, &r->left, &image, &why);
     if (status == LG_OK) status = lg_as_format(lg_program_add_image(r->program, image, &why), NULL);
     if (status == LG_OK) return LG_OK;
     return lg_fail(r->error, status, "%s: /%s: %s", lg_shown_path(r->h5->path), path, why.message);
-}
-
-/* A byte that changed may be another function that can be read, too. */
-static lg_status check_hash(reading *r, const char *path, const void *bytes, size_t size) {
-    char hash[LG_SHA256_TEXT], stored[LG_SHA256_TEXT];
-    if (!lg_h5_has_attribute(r->h5, path, "sha256")) return LG_OK;
-    LG_TRY(lg_as_format(lg_h5_text(r->h5, path, "sha256", stored, sizeof stored, r->error), r->error));
-    lg_program_hash(bytes, size, hash);
-    return strcmp(hash, stored) == 0 ? LG_OK
-                                     : bad(r, path, "has changed: its attribute sha256 is of other bytes");
 }
 
 static lg_status get_function(reading *r, const char *name) {
@@ -114,7 +112,6 @@ static lg_status get_function(reading *r, const char *name) {
     LG_TRY(take(r, at.text, about.count, 1, &bytes.memory));
     LG_TRY(lg_as_format(lg_h5_get(r->h5, at.text, LG_ELEMENT_U8, 1, about.dims, bytes.memory, r->error),
                         r->error));
-    LG_TRY(check_hash(r, at.text, bytes.memory, (size_t)about.count));
     LG_TRY(unpack(r, at.text, name, bytes.memory, (size_t)about.count));
     if (lg_h5_has_attribute(r->h5, at.text, "fitted"))
         LG_TRY(lg_as_format(lg_h5_number(r->h5, at.text, "fitted", LG_ELEMENT_I64, &fitted, r->error),
