@@ -38,7 +38,7 @@ void sweep_choose(sweep *self, bool continues);
 /* Runs the trials that the table lacks. True: this process has written the table; `trials` has all trials.
  * False: another process writes it. Failures end the command. */
 bool sweep_run(sweep *self);
-/* The values of trial `number`, from a sampler that does not learn. */
+/* Writes the values of trial `number`. The sampler must not learn. */
 void sweep_values(const sweep *self, uint64_t number, double *value);
 void sweep_close(sweep *self);
 

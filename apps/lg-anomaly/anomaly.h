@@ -69,7 +69,7 @@ typedef struct well_model {
 /* The healthy class is unknown until well_model_settle. */
 void well_model_load(const app *app, const char *path, well_model *out);
 /* Sets the healthy class, if it is unknown, by lg_find_healthy: from `given` or the model's own. If it stays
- * unknown, ends the command with the sentence "NEEDED: it is unknown which class ..."; NULL: it may. */
+ * unknown and `needed` is not NULL, ends the command with "NEEDED: it is unknown which class ...". */
 void well_model_settle(const app *app, well_model *model, const char *given, const char *data,
                        const char *needed);
 void well_model_destroy(well_model *model); /* a zeroed model is allowed */

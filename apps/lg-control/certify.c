@@ -420,7 +420,7 @@ static verdict prove_turn(const app *self, const lg_policy *policy, lg_certify_r
         .margin = r->angle};
 }
 
-/* One coordinate: V is the energy. */
+/* Proves convergence by the energy, for a plant with one coordinate. */
 static void prove_energy(app *self, lg_policy *policy, naming names) {
     static const char *const compared[] = {
         "mass, the damping and the map of the input are constant was compared at several states",

@@ -258,8 +258,8 @@ typedef struct summary {
     double median[MEASURES], geometric[MEASURES];
 } summary;
 typedef enum noise_levels { ANY_NOISE, WITHOUT, WITH } noise_levels;
-/* Sets of ranges, one bit each: all ranges of a cell; those of a combination, which is summarised over its
- * noise levels (zero, or above zero); those of an integrator. */
+/* A set has a bit for each range whose value is the same in all runs of a summary. A combination is
+ * summarised over noise levels, either zero or all above zero. */
 enum {
     CELL = ((1u << RANGES) - 1) & ~(1u << REPEAT),
     COMBINATION = CELL & ~(1u << EPS),

@@ -206,7 +206,7 @@ static double outside(double x, double low, double high, bool angle) {
     return x < low ? low - x : x > high ? x - high : 0;
 }
 
-/* Records the value, of number i of the range, if it is the farthest outside. */
+/* Records a value of number i if it is farther outside the range than the values before it. */
 static void look(const lg_machine_range *range, size_t i, double value, number *out) {
     if (!out->used || !isfinite(value) || !(range->low[i] <= range->high[i])) return;
     const double by = outside(value, range->low[i], range->high[i], out->angle);

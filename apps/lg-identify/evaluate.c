@@ -167,7 +167,7 @@ typedef struct linear_model {
     size_t row; /* the interval of the step begins here */
 } linear_model;
 
-/* The change of positions and velocities, y, over the interval of the times t, at the part s of it. */
+/* Computes d = h dy/dt of positions and velocities y at the time t[0] + s h, with h = t[1] - t[0]. */
 static lg_status slope(void *user, double s, const double *y, const double *t, double *d) {
     const linear_model *linear = user;
     const lg_machine *machine = linear->rival->machine;

@@ -141,7 +141,7 @@ typedef struct identify_offset {
 /* Fills `out` (LG_MACHINE_COORDINATES) for runs from the first rows. */
 void identify_find_offsets(const app *self, const identify_given *given, const identify_runs *runs,
                            identify_offset *out);
-/* The log; if it does not have the states at starts, with velocities from lines through 21 positions. */
+/* Returns the log. If it has no states at starts, velocities are slopes of lines through 21 positions. */
 lg_started_log identify_slopes(const app *self, const lg_learned_machine *model, const lg_machine_log *log);
 /* Velocities (n, velocities), and on each the learned friction plus the force that the model lacks, from n
  * stretches of 20 intervals. Returns n. */

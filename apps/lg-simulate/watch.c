@@ -49,8 +49,8 @@ static double invariant(const watch *self, size_t i, const double *y) {
     return lg_system_invariant(self->sim->system, i, y, self->work);
 }
 
-/* self->rest becomes y with momenta or velocities of zero: the second half of R^2n, an R^n behind another
- * factor, the second group of numbers of the other spaces, and all of so(3)*. */
+/* Sets self->rest to y with momenta and velocities of zero. These are the second half of R^2n, an R^n behind
+ * another factor, the second group of numbers of the other spaces, and all of so(3)*. */
 static void put_to_rest(watch *self, const double *y) {
     const lg_space *space = lg_system_space(self->sim->system);
     double *rest = self->rest;
@@ -70,14 +70,14 @@ static void put_to_rest(watch *self, const double *y) {
     }
 }
 
-/* Kinetic energy H(q, p) - H(q, 0); of a run that has gained energy, what it would have with the energy of
- * its start, so that a run that explodes is not its own measure. */
+/* Updates the largest kinetic energy, H(q, p) - H(q, 0). If a run has gained energy, the energy of the start
+ * replaces H(q, p), so that a run that diverges is not compared with its own energy. */
 static void look_at_kinetic(watch *self) {
     const double potential = invariant(self, 0, self->rest), kinetic = fabs(self->end[0] - potential);
     self->kinetic = fmax(self->kinetic, fmin(kinetic, fmax(self->start[0] - potential, self->kinetic)));
 }
 
-/* Returns the distance of y from the manifold. */
+/* Updates the largest distances from the manifold. Returns the distance of y. */
 static double look_at_manifold(watch *self, const double *y) {
     const lg_space *space = lg_system_space(self->sim->system);
     const double error = lg_space_manifold_error(space, y);
@@ -146,7 +146,7 @@ lg_status watch_step(void *user, double t, double h, const double *y) {
  * below ENERGY_ROUNDING times the energy is only rounding. */
 #define ENERGY_TOLD     0.1
 #define ENERGY_ROUNDING 1e-10
-/* Constraints of positions are of size 1: |q|^2 = 1, R^T R = 1. Those of momenta, q.p = 0, have units. */
+/* Constraints of positions are of size 1: |q|^2 = 1, R^T R = 1. The constraint q.p = 0 has the unit of p. */
 #define MANIFOLD_TOLD 0.01
 
 bool watch_lost_energy(const watch *self, const lg_scheme *scheme) {

@@ -167,7 +167,7 @@ typedef struct lg_policy_function {
     const char *in[5], *out[4];
 } lg_policy_function;
 lg_status lg_policy_add_row(const lg_policy *policy, const lg_policy_function *row, lg_error *error);
-/* The same with another `user` than the policy. */
+/* Does the same, and passes `user` instead of the policy to the recording. */
 lg_status lg_policy_add_row_with(const lg_policy *policy, const lg_policy_function *row, const void *user,
                                  lg_error *error);
 /* Adds a function of policy_program.c by its name, or its adjoint: adj1_NAME.
@@ -211,8 +211,8 @@ LG_API void lg_policy_plans_destroy(lg_policy_plans *plans);
 /* ---- observer and adaptation (policy_observe.c, policy_adapt.c): functions with a memory, for plants of
  * lines and angles whose state is positions and one momentum for each, n = layout.given ---- */
 
-/* Standard deviations of the sensors' noise, and of what velocities stray from the machine's in a period.
- * tiny: the smallest normal number of the type in which the function runs */
+/* sensor: standard deviation of each position's noise; drift: standard deviation of the error of each
+ * predicted velocity after a period; tiny: the smallest normal number of the function's type */
 typedef struct lg_policy_filter {
     const lg_policy *policy;
     double sensor[LG_POLICY_COORDINATES], drift[LG_POLICY_COORDINATES], tiny;
@@ -221,22 +221,22 @@ typedef struct lg_policy_filter {
  * sensed_by_control, which the program must have. */
 LG_API lg_status lg_policy_add_observer(const lg_policy_filter *filter, lg_error *error);
 
-/* Of each velocity: the numbers that are found (damping, Coulomb friction, offset, inertia), and the numbers
- * of its memory */
+/* For each velocity the adaptation finds LG_POLICY_FOUND numbers: damping, Coulomb friction, offset, inertia.
+ * Its memory has LG_POLICY_ADAPT numbers. */
 enum { LG_POLICY_FOUND = 4, LG_POLICY_ADAPT = LG_POLICY_FOUND * (LG_POLICY_FOUND + 1) };
-/* Sizes of forces and of velocities, ranges of the numbers, and the share of the memory that a period
- * keeps; tiny as above */
+/* scale, speed: typical forces and velocities; range: of each number that is found; keep: the factor by which
+ * a period reduces the weight of older data; tiny: as above */
 typedef struct lg_policy_adaptation {
     const lg_policy *policy;
     double scale[LG_POLICY_COORDINATES], speed[LG_POLICY_COORDINATES],
         range[LG_POLICY_COORDINATES][LG_POLICY_FOUND], keep, tiny;
 } lg_policy_adaptation;
-LG_API extern const double lg_policy_adapt_lowest[LG_POLICY_FOUND]; /* of a number in its range; most: 1 */
-/* Sets sizes and ranges from a run: states and what the controller sees (periods + 1, 2 n). */
+LG_API extern const double lg_policy_adapt_lowest[LG_POLICY_FOUND]; /* lower bounds; upper ones: 1 */
+/* Sets scale, speed and range from the states and the controller's view (periods + 1, 2 n) of a run. */
 LG_API void lg_policy_find_ranges(lg_policy_adaptation *a, const double *state, const double *seen,
                                   size_t periods);
 LG_API lg_status lg_policy_add_adaptation(const lg_policy_adaptation *a, lg_error *error);
-/* Record the plant's state from positions and velocities; 1/x, or 0 where x is below `tiny`. */
+/* Record the plant's state from positions and velocities x, and 1/x, which is 0 where x is below `tiny`. */
 lg_var lg_policy_record_state(lg_tape *tape, const lg_policy *policy, lg_var x);
 lg_var lg_policy_record_inverse(lg_tape *tape, double tiny, lg_var x);
 

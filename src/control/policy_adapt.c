@@ -21,8 +21,8 @@ static lg_var bounded(lg_tape *tape, lg_var s) {
     return lg_neg(tape, lg_max(tape, lg_neg(tape, above), row_of(tape, ones)));
 }
 
-/* Moves a number that left its bounds to the bound, and the others to where they are likeliest then; `row`
- * are the rows of the covariance. */
+/* Moves each number outside its bounds to the bound, and the others to their conditional means; `row` are the
+ * rows of the covariance. */
 static lg_var stay_inside(lg_tape *tape, double tiny, const lg_var *row, lg_var s) {
     for (uint32_t k = 0; k < NUMBERS; k++) {
         const lg_var by = lg_slice(tape, lg_sub(tape, bounded(tape, s), s), 1, k, 1),
@@ -47,7 +47,7 @@ static lg_var recur(const lg_policy_adaptation *a, lg_tape *tape, lg_var memory,
     for (uint32_t k = 0; k < NUMBERS; k++) /* in this order the covariance stays symmetric, bit by bit */
         row[k] = lg_sub(tape, row[k], lg_div(tape, lg_mul(tape, Pb, parts[k]), size));
     s = stay_inside(tape, a->tiny, row, s);
-    /* What is not excited is not forgotten: no variance grows beyond the one at the start, which is 1. */
+    /* Forgetting stops where data are missing: no variance grows above its value at the start, 1. */
     for (uint32_t k = 0; k < NUMBERS; k++) {
         const lg_var own = lg_slice(tape, row[k], 1, k, 1);
         grown = k == 0 ? own : lg_max(tape, grown, own);
@@ -84,7 +84,7 @@ static lg_status record_adapt(void *user, lg_tape *tape, const lg_var *theta, co
     return lg_tape_status(tape);
 }
 
-/* Root mean square of changes in a period, or of the numbers; 1 if it is 0. x (periods + 1, 2 n). */
+/* Returns the root mean square of the rates of x (periods + 1, 2 n), of x if period is 0; 1 if it is 0. */
 static double rms(const double *x, size_t periods, size_t n, double period) {
     double sum = 0;
     for (size_t k = 0; k < periods; k++, x += 2 * n)

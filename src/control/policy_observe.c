@@ -34,7 +34,7 @@ static void make_triangular(lg_tape *tape, double tiny, uint32_t count, uint32_t
     for (uint32_t i = 0; i < count; i++) {
         const lg_var square = lg_rownorm2(tape, row[i]), first = lg_slice(tape, row[i], 1, 0, 1),
                      end = lg_neg(tape, lg_mul(tape, lg_sqrt(tape, square), lg_sign(tape, first))),
-                     /* Half of the square of the reflection's vector. */
+                     /* 1 over half of the squared norm of the reflection's vector */
             by = lg_policy_record_inverse(tape, tiny, lg_sub(tape, square, lg_mul(tape, end, first))),
                      vector = lg_sub(tape, row[i], lg_pad(tape, end, 1, 0, columns - i - 1));
         low[i][i] = end;

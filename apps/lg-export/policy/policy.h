@@ -20,7 +20,7 @@ typedef struct export_policy_job {
 /* Adds the closed loop to the self-test (policy_loop.c). */
 void export_policy_loop(export_policy_job *job);
 
-/* Add observe and adapt to the program, with words, declarations and golden runs (policy_memory.c). */
+/* Add the functions observe and adapt, with their descriptions and reference runs (policy_memory.c). */
 void export_policy_observe(export_policy_job *job);
 void export_policy_adapt(export_policy_job *job);
 

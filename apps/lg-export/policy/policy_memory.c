@@ -1,5 +1,5 @@
-/* The observer and the adaptation of a controller: words about these functions of its program, and golden
- * runs. */
+/* Exports the observer and the adaptation of a controller: their descriptions, and reference runs for the
+ * self-test. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -10,15 +10,15 @@ enum { OBSERVE_STREAM = 13, ADAPT_STREAM = 14, MOST = LG_POLICY_COORDINATES, PER
 
 /* ---- runs of the library ---- */
 
-/* A run of the library: states and what the controller sees (periods + 1, 2 given), and its inputs (periods,
- * inputs). */
+/* A run of the library has states, positions and velocities as the controller sees them (periods + 1, 2
+ * given), and inputs (periods, inputs). */
 typedef struct run_of {
     double *state, *seen, *held;
     size_t periods; /* at least 1 */
     lg_rng rng;     /* goes on behind the start */
 } run_of;
 
-/* What the controller sees of states (rows, 2 given). */
+/* Returns positions and velocities (rows, 2 given), as the controller sees them, of these states. */
 static double *see(const export_policy_job *j, const double *state, size_t rows) {
     double *seen = app_keep(rows * 2 * j->given, sizeof *seen);
     EXPORT_MUST(j, lg_program_eval(j->self->context, j->program, "sensed_by_control", rows,
@@ -26,7 +26,7 @@ static double *see(const export_policy_job *j, const double *state, size_t rows)
     return seen;
 }
 
-/* A run ends where it leaves the finite numbers. */
+/* The run ends when a state has a norm of 1e6 or more, or is not finite. */
 static run_of run_library(const export_policy_job *j, uint64_t stream) {
     const size_t n = j->state, steps = lg_policy_steps(j->policy), most = steps < PERIODS ? steps : PERIODS;
     bool succeeded;
@@ -102,7 +102,7 @@ static void start(const export_policy_job *j, const export_memory *run, const ch
 
 /* ---- the observer ---- */
 
-/* Number i of an option with one number for all, or one each. */
+/* Returns number i of an option that has one number for all, or one for each. */
 static double number_of(const lg_reals *option, size_t i, double otherwise) {
     return option->count == 0 ? otherwise : option->values[option->count == 1 ? 0 : i];
 }
@@ -133,7 +133,7 @@ static void tell_observer(const export_policy_job *j, const lg_policy_filter *f)
     lg_text_add(about, " (--drift)\n");
 }
 
-/* Measurements with noise along a run of the library; the fragment's memory begins with the first one. */
+/* The reference run has positions of a run of the library, with noise. The memory begins with the first. */
 void export_policy_observe(export_policy_job *j) {
     const size_t n = j->given, all = 2 * n, m = j->inputs;
     check_simple(j, "observe");
@@ -178,8 +178,8 @@ static void tell_adaptation(const export_policy_job *j, const lg_policy_adaptati
     lg_text_add(about, " a payload whose inertia depends on other coordinates is outside this form\n");
 }
 
-/* What the controller sees after each period of the run if the plant has, more than the machine, 0.3 of the
- * largest offset and of the largest damping, as an impulse at the period's end. */
+/* Returns positions and velocities after each period, as the controller sees them, of a changed plant: 0.3 of
+ * the largest offset and damping act in addition, as an impulse at the end of each period. */
 static double *see_changed(const export_policy_job *j, const lg_policy_adaptation *a, const run_of *path) {
     const size_t n = j->given, count = path->periods * 2 * n;
     APP_FREE double *x = app_alloc(count, sizeof *x);

@@ -31,7 +31,7 @@ typedef struct lg_detector_state {
     uint32_t preset, pooling;
     uint64_t kernel, stride;
     lg_wholes filters;
-    /* Set by the caller for another method than the network. */
+    /* The caller sets these for methods other than the network. */
     bool classical;    /* `describe` leaves out the network and its validation part */
     bool alone;        /* only the healthy class is learned: all other classes, of any name, become one */
     bool long_windows; /* windows have ten minutes and begin every minute, if the options say nothing else */

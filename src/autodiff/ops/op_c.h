@@ -5,9 +5,9 @@
  * numbers.
  *
  * A fragment is a file in a folder code/ with the name of the function that it defines. A table in
- * program_c_text.c has the fragments that it needs. It is C99 and C++14 that compiles without warnings (-Wall
- * -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic) and needs only libm. Its functions are static.
- * It has no static variables except constant tables. The number type is `real`; numbers are written
+ * program_c_text.c lists the fragments that it needs. It is valid C99 and C++14, compiles without warnings
+ * (-Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -pedantic) and needs only libm. Its functions and
+ * constant tables are static, and it has no static variables. The number type is `real`; numbers are written
  * REAL(0.5), with a point; mathematical functions are the macros of the prelude (EXP, SIN, SQRT, ...); sizes
  * and indices are int; RESTRICT stands for restrict. Arrays of more than a few numbers are in memory that the
  * caller passes. There is no recursion and no function pointer. The writer prints each fragment once, however

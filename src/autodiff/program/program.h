@@ -124,7 +124,7 @@ lg_status lg_program_record_part(void *user, lg_tape *tape, const lg_var *theta,
 /* Copies a function into a new program with the same parameters and description. The copy records the
  * operations of calls and loops in their place. The caller destroys *out. */
 lg_status lg_program_flat(const lg_program *program, size_t function, lg_program **out, lg_error *error);
-/* Prefixes of the names of derivatives, by lg_derivative_kind; whether a name has one of them. */
+/* The names of derivatives of each kind begin with these texts. Returns whether a name begins with one. */
 extern const char *const lg_derivative_begins[LG_DERIVATIVE_KIND_COUNT];
 bool lg_program_is_derivative(const char *name);
 lg_status lg_program_jacobian(lg_program *program, const char *function, lg_error *error);

@@ -54,10 +54,10 @@ lg_status lg_machine_model_describe(lg_machine_model_run *run, const char *name,
                                     lg_error *error);
 /* Writes the SHA-256 of the rows of a log as little-endian doubles (model.c). */
 void lg_machine_log_sha256(const lg_machine *machine, const lg_machine_log *log, char text[LG_SHA256_TEXT]);
-/* Number i of a row of a log: positions, then velocities or accelerations, then inputs. Where accelerations
+/* Returns number i of a row: positions, then velocities or accelerations, then inputs. Where accelerations
  * are measured, positions are missing (NaN) (data.c). */
 double lg_log_number(const lg_machine *machine, const lg_machine_log *log, size_t row, size_t i);
-/* Mean square of such a number's changes over `lag` rows, and around its mean. NaN: there are none. */
+/* Return the mean square of changes of number i over `lag` rows, and its variance; NaN without values. */
 double lg_log_change(const lg_machine *machine, const lg_machine_log *log, size_t i, size_t lag);
 double lg_log_variance(const lg_machine *machine, const lg_machine_log *log, size_t i);
 /* Writes the range of the numbers in a log; low > high for numbers that are not measured. */
@@ -120,8 +120,8 @@ static inline lg_learned_machine lg_model_learned(const lg_context *context, con
 static inline const double *lg_log_shown(const lg_machine_log *log) {
     return log->a != NULL ? log->a : log->v;
 }
-/* A copy of a log with states of its own: q (rows, positions) and v (rows, velocities), which begin as
- * zeros. */
+/* Copies a log. The copy has separate states, which are zero: q (rows, positions), v (rows, velocities). The
+ * caller destroys it. */
 typedef struct lg_started_log {
     lg_machine_log log;
     double *q, *v;
@@ -190,8 +190,8 @@ lg_runner lg_machine_run;
  * all rows of the log. */
 size_t lg_log_starts(const lg_machine *machine, const lg_machine_log *log, size_t start_rows, size_t steps,
                      size_t every, bool ended, size_t *out);
-/* Errors of runs that begin where the model's runs do: at complete rows, or at rows that have
- * model->start_rows rows up to them, `every` rows apart in each part. */
+/* Computes the errors of runs that begin `every` rows apart in each part: at complete rows, or at the last
+ * of model->start_rows rows from which the state can be estimated. */
 lg_status lg_horizon_of(const lg_learned_machine *model, lg_runner *runner, const void *user,
                         const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
                         lg_error *error);
@@ -348,8 +348,8 @@ lg_status lg_machine_warm_up(struct lg_training *self, double *theta, lg_error *
  * its first step leads far away, and a fit that begins there rejects all steps. Such parameters begin again
  * at a tenth of their initial values, which make a hundredth of the initial friction (warm_up.c). */
 void lg_machine_revive(const lg_machine *machine, const double *initial, double *theta);
-/* States of all rows from polynomials of a degree up to 3 through 2 half + 1 rows, fewer at the ends of
- * parts. NaN where too few rows have a position. `out` must be destroyed even after an error (smooth.c). */
+/* Estimates the states of all rows by polynomials of a degree up to 3 through 2 half + 1 rows, fewer at the
+ * ends of parts; NaN where too few rows have a position. The caller destroys `out` even after an error. */
 lg_status lg_machine_smooth(const lg_context *context, const lg_machine *machine, const lg_machine_log *log,
                             uint32_t half, uint32_t degree, lg_started_log *out, lg_error *error);
 /* The trainer's hook `judge`: fills the verdict, and warns of what is wrong with the model. */

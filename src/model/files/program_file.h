@@ -27,7 +27,7 @@ typedef struct lg_program_key {
     char text[256];
 } lg_program_key;
 lg_program_key lg_program_below(const char *group, const char *name);
-/* The text of attribute sha256 of a packed function. */
+/* Writes the SHA-256 of a packed function, the text of its attribute sha256. */
 void lg_program_hash(const void *bytes, size_t size, char text[LG_SHA256_TEXT]);
 /* One place of a parameter whose numbers are stored elsewhere in the file. */
 enum { LG_PROGRAM_PLACE = 64 };

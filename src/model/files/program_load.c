@@ -84,8 +84,8 @@ static lg_status get_names(reading *r, const char *group, texts *out) {
 
 /* ---- functions ---- */
 
-/* Adds the function to the program. A byte that changed may be another function that can be read, so bytes
- * need their hash, if the file has it. */
+/* Adds the function to the program. If the file has a hash of the bytes, they must match it, because changed
+ * bytes may form another valid function. */
 static lg_status unpack(reading *r, const char *path, const char *name, const void *bytes, size_t size) {
     LG_CLEAN(lg_function_image_destroy_at) lg_function_image *image = NULL;
     lg_error why = {LG_OK, ""};
@@ -95,7 +95,7 @@ static lg_status unpack(reading *r, const char *path, const char *name, const vo
         LG_TRY(lg_as_format(lg_h5_text(r->h5, path, "sha256", stored, sizeof stored, r->error), r->error));
     else
         memcpy(stored, hash, sizeof stored);
-    if (strcmp(hash, stored) != 0) return bad(r, path, "has changed: its attribute sha256 is of other bytes");
+    if (strcmp(hash, stored) != 0) return bad(r, path, "has changed: attribute sha256 does not match");
     lg_status status = lg_function_unpack(r->h5->context, name, bytes, size, &r->left, &image, &why);
     if (status == LG_OK) status = lg_as_format(lg_program_add_image(r->program, image, &why), NULL);
     if (status == LG_OK) return LG_OK;

@@ -421,7 +421,7 @@ static lg_status check_head(const char *head, const char *shown, const lg_search
 }
 
 /* Reads the value of a range in the table of a study, which may have values of other grids. *inside becomes
- * false if the range lacks the value. Returns false if the cell is not a number, but should be. */
+ * false if the value is not in the range. Returns false if the cell must be a number and is none. */
 static bool read_value(const lg_range *range, const char *cell, double *out, bool *inside) {
     char text[LG_SHORTEST];
     const bool number = lg_number_parse(cell, out) == LG_OK;
@@ -481,7 +481,7 @@ static void keep_row(lg_trial_layout *layout, const lg_frame *f, size_t row) {
     layout->other_rows++;
 }
 
-/* Index of a trial in the grid of all values of the ranges; the last range varies fastest. */
+/* Returns the index of a trial in the grid of all values of the ranges. The last range varies fastest. */
 static uint64_t point_of(const lg_search_space *space, const double *value) {
     uint64_t number = 0;
     for (const lg_range *range = space->ranges; range < space->ranges + space->count; range++)
