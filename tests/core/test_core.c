@@ -449,7 +449,7 @@ static void check_pool(int threads, size_t count, int rounds) {
     lg_thread_pool_destroy(pool);
 }
 
-TEST("a pool runs every task once") {
+TEST("a pool of threads runs every task once") {
     for (int threads = 1; threads <= 8; threads++) {
         check_pool(threads, 0, 3);
         check_pool(threads, 1, 3);
@@ -493,7 +493,7 @@ static void finish_late(void *user, size_t index) {
     atomic_fetch_add(&self->finished, 1);
 }
 
-TEST("a run returns when the last task has ended, even long after the caller's own task") {
+TEST("a run on threads returns when the last task has ended, even long after the caller's own task") {
     lg_thread_pool *pool = NULL;
     assert_ok(lg_thread_pool_create(NULL, 2, &pool));
     for (int i = 0; i < 3; i++) {
@@ -529,7 +529,7 @@ static lg_status fail_some(void *user, size_t index, lg_error *error) {
     return lg_fail(error, index % 2 == 0 ? LG_FORMAT : LG_NOT_FOUND, "job %zu", index);
 }
 
-TEST("a list of jobs returns the status and sentence of the first one that fails, and runs all before it") {
+TEST("jobs on threads return the status and sentence of the first one that fails, and run all before it") {
     for (uint64_t threads = 1; threads <= 8; threads++)
         for (size_t first = 0; first <= 100; first += 10) {
             failing all = {.first = first, .last = 98};

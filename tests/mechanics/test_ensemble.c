@@ -151,7 +151,7 @@ static void check_company(const lg_system *system, const lg_scheme *scheme) {
     assert_int_equal(some.member[6].rejected, all.member[CHOSEN].rejected);
 }
 
-TEST("a member alone has the same bits as among others, for every system and scheme") {
+TEST("a member alone has the same bits as among others on threads, for every system and scheme") {
     each_pair(check_company);
 }
 
