@@ -29,9 +29,9 @@
  * f has 3 torques in space for a direction, 3 torques in the body for a rotation, and 3 forces, then 3
  * torques, both in the body, for a pose.
  *
- * The directions of a chain have one constant mass matrix m (k, k): p_i = P_i sum_j m_ij q_j' with P_i = I
- * - q_i q_i^T, H = 1/2 sum_i p_i.q_i' + V, and with lambda_i = -q_i.sum_j m_ij q_j'
- *   p_i' = omega_i x p_i + (dV/dq_i x q_i - lambda_i q_i' x q_i + q_i' x p_i + f_i) x q_i.
+ * A system may couple directions by M(q), where v has q_i' of a direction (in a chain with M_ij = m_ij I).
+ * Then p_i = P_i (M v)_i, P_i = I - q_i q_i^T, and with lambda_i = -q_i.(M v)_i, g_i = d(V - v.M v/2)/dq_i
+ *   p_i' = omega_i x p_i + (g_i x q_i - lambda_i q_i' x q_i + q_i' x p_i + f_i) x q_i.
  *
  * A constant force may be added. M, V, D, B and r are sums of terms, whose kinds are entries of a table
  * (lg_term_kind_at): known terms are given, the others are learned. M and D are positive (semi)definite by
@@ -303,8 +303,8 @@ typedef struct lg_machine_vars {
     lg_mlp_vars net[LG_MACHINE_TERMS]; /* The networks of terms that are networks. */
     /* Numbers of the named system in the units of the log; LG_NONE without a system. */
     lg_var grey;
-    lg_var mass, inverse; /* (momenta, momenta) each, or LG_NONE where M depends on q. */
-    /* (1, directions, 1), for a chain (1, k, k); LG_NONE without directions. */
+    lg_var mass, inverse; /* (n, n) for the n momenta, or velocities; LG_NONE where M depends on q. */
+    /* (1, directions, 1), for a chain (1, k, k); LG_NONE where `mass` or M(q) has the directions. */
     lg_var direction_mass;
     lg_var direction_inverse; /* (1, k, k) for a chain, else LG_NONE. */
     lg_var bias;              /* (1, positions + velocities), or LG_NONE. */
@@ -406,7 +406,7 @@ LG_API lg_status lg_machine_rest_rate(const lg_context *context, const lg_machin
  *   Momenta in space are constant to rounding.
  *
  * If -dV/dq is the only force, these steps are symplectic and symmetric. M may be full and couple
- * coordinates. LG_UNSUPPORTED: M depends on the state, or directions are coupled in a chain. Newton's
+ * coordinates. LG_UNSUPPORTED: M depends on the state, or directions are coupled. Newton's
  * method solves the implicit equations row by row; a row without a solution becomes NaN. First and second
  * derivatives are exact. */
 

@@ -228,8 +228,8 @@ typedef struct lg_at {
 typedef struct lg_energy_row {
     const char *name;
     const lg_parameter_entry *parameters; /* The list ends with a NULL key. */
-    /* Records M, (B, n, n) or (1, n, n), with a row for each velocity, three for a direction. If all the
-     * coordinates of a machine are directions, M has one row for each: M_ij I_3 couples two of them. */
+    /* Records M, (B, n, n) or (1, n, n), with a row for each velocity, three for a direction. The constant M
+     * of one direction alone is one number. With `count` 0 a direction has one row: M_ij I_3 couples two. */
     lg_var (*mass)(lg_tape *tape, const lg_at *at);
     lg_var (*potential)(lg_tape *tape, const lg_at *at); /* Records V (B, 1). NULL: V = 0. */
     uint32_t count; /* Number of coordinates; 0: any number, all of kind coordinates[0]. */

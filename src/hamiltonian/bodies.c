@@ -31,10 +31,9 @@
 #include "hamiltonian/internal.h"
 #include "liegrad/ops.h"
 
-/* vars->kinetic: K (1, N, N); the linear part of A (N, N D) and its constant part (N D); what makes C of z,
- * (N, D k), or LG_NONE without directions; M^-1 (D, D) in the frame of the body, or LG_NONE where M is not
- * constant in this frame. */
-enum { MASS, TURN, REST, TIE, INVERSE };
+/* vars->kinetic: K (1, N, N); the linear part of A (N, N D) and its constant part (N D); M^-1 (D, D) in the
+ * frame of the body, or LG_NONE where M is not constant in this frame. */
+enum { MASS, TURN, REST, INVERSE };
 
 enum { MOST_AMBIENT = 30, MOST_RATES = 18, MOST_VECTORS = 10 };
 
@@ -108,15 +107,6 @@ static lg_var resting(lg_tape *tape, const counts *c) {
     return constant(tape, 1, c->ambient * c->rates, rest);
 }
 
-/* C (D, k) has q_i in the rows of direction i. */
-static lg_var tying(lg_tape *tape, const counts *c) {
-    double tie[MOST_AMBIENT * MOST_RATES * MOST_VECTORS] = {0.0};
-    const uint32_t k = c->directions;
-    for (uint32_t i = 0; i < 3 * k; i++)
-        tie[(9 * c->rotations + i) * c->rates * k + (3 * c->rotations + i) * k + i / 3] = 1.0;
-    return k > 0 ? constant(tape, c->ambient, c->rates * k, tie) : LG_NONE;
-}
-
 /* Whether M is constant in the frame of the body, which has at most one direction. A q' turned into this
  * frame is a velocity like any other, but the vector e of a line is fixed in space. */
 static bool has_frame(const counts *c) {
@@ -146,7 +136,6 @@ static void bind(lg_tape *tape, const lg_var *arrays, lg_hamiltonian_vars *vars)
     vars->kinetic[MASS] = ambient_mass(tape, &c, m, c.lines > 0 ? arrays[2] : LG_NONE);
     vars->kinetic[TURN] = turning(tape, &c);
     vars->kinetic[REST] = resting(tape, &c);
-    vars->kinetic[TIE] = tying(tape, &c);
     vars->kinetic[INVERSE] = has_frame(&c) ? inverse_at_unit(tape, vars, &c) : LG_NONE;
 }
 
@@ -161,18 +150,14 @@ static motion motion_of(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var z
     const counts c = counts_of(vars->model->family, vars->model->n);
     const uint32_t rows = lg_var_shape(tape, z).dims[0], k = c.directions;
     motion s = {.A = motion_matrix(tape, vars, &c, z), .lambda = LG_NONE};
-    lg_var M = mass_matrix(tape, vars, s.A);
-    lg_var column = lg_reshape(tape, p, lg_shape3(rows, c.rates, 1));
+    const lg_var M = mass_matrix(tape, vars, s.A), column = lg_reshape(tape, p, lg_shape3(rows, c.rates, 1));
     if (k == 0) {
         s.w = lg_spd_solve(tape, M, column);
         return s;
     }
-    lg_var C = lg_reshape(tape, lg_matmul(tape, z, vars->kinetic[TIE]), lg_shape3(rows, c.rates, k));
-    const lg_var both[2] = {column, C};
-    lg_var solved = lg_spd_solve(tape, M, lg_concat(tape, both, 2, 2));
-    lg_var free = lg_slice(tape, solved, 2, 0, 1), tied = lg_slice(tape, solved, 2, 1, k);
-    s.lambda = lg_spd_solve(tape, lg_matmul_tn(tape, C, tied), lg_matmul_tn(tape, C, free));
-    s.w = lg_sub(tape, free, lg_matmul(tape, tied, s.lambda));
+    const lg_var q = lg_reshape(tape, lg_slice(tape, z, 1, 9 * c.rotations, 3 * k), lg_shape3(rows, k, 3)),
+                 C = lg_tie_columns(tape, q, 3 * c.rotations, c.rates);
+    s.w = lg_tied_velocities(tape, M, LG_NONE, column, C, &s.lambda);
     return s;
 }
 

@@ -1,4 +1,6 @@
 /* Machines: the kinds of coordinates, and the offsets of each coordinate's numbers in states and logs. */
+#include <string.h>
+
 #include "core/core.h"
 #include "machine/internal.h"
 
@@ -80,11 +82,26 @@ lg_status lg_machine_full_space(const lg_machine *machine, lg_space *space) {
     return space_of(machine, true, space);
 }
 
-uint32_t lg_machine_mass_velocities(const lg_machine *machine, bool directions, uint32_t *list) {
+void lg_machine_reference(const lg_machine *machine, double *positions) {
+    memset(positions, 0, machine->positions * sizeof *positions);
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
+        if (at.directions > 0) positions[at.position + 2] = 1.0;
+        for (uint32_t k = 0; k < 3 * at.rotations; k++) positions[at.position + at.places + 4 * k] = 1.0;
+    }
+}
+
+bool lg_machine_tied(const lg_machine *machine) {
+    const lg_energy_row *system = machine->grey.system;
+    return system != NULL && system->count > 0 && machine->directions > 0 &&
+           (machine->velocities > 3 || system->moving);
+}
+
+uint32_t lg_machine_mass_velocities(const lg_machine *machine, lg_mass_rows rows, uint32_t *list) {
     uint32_t count = 0;
     for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
-        if ((at.directions > 0) != directions) continue;
-        for (uint32_t k = 0; k < (directions ? 1 : at.velocities); k++) list[count++] = at.velocity + k;
+        if (rows != LG_MASS_ALL && (at.directions > 0) != (rows == LG_MASS_DIRECTIONS)) continue;
+        const uint32_t each = rows == LG_MASS_DIRECTIONS ? 1 : at.velocities;
+        for (uint32_t k = 0; k < each; k++) list[count++] = at.velocity + k;
     }
     return count;
 }

@@ -10,6 +10,21 @@ lg_var lg_machine_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t coun
     return lg_slice(tape, x, 1, first, count);
 }
 
+void lg_machine_split_positions(lg_tape *tape, const lg_machine *machine, lg_var positions, lg_var *parts) {
+    lg_var x[LG_MACHINE_COORDINATES], q[LG_MACHINE_COORDINATES], R[LG_MACHINE_COORDINATES];
+    uint32_t xs = 0, qs = 0, Rs = 0;
+    const lg_machine_places part = lg_machine_parts(machine);
+    const uint32_t rows = lg_var_shape(tape, positions).dims[0];
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
+        if (at.places > 0) x[xs++] = lg_machine_columns(tape, positions, at.position, at.places);
+        if (at.directions > 0) q[qs++] = lg_machine_columns(tape, positions, at.position, 3);
+        if (at.rotations > 0) R[Rs++] = lg_machine_columns(tape, positions, at.position + at.places, 9);
+    }
+    if (part.x >= 0) parts[part.x] = lg_joined(tape, x, xs);
+    if (part.q >= 0) parts[part.q] = lg_reshape(tape, lg_joined(tape, q, qs), lg_shape3(rows, qs, 3));
+    if (part.R >= 0) parts[part.R] = lg_reshape(tape, lg_joined(tape, R, Rs), lg_shape3(rows, Rs, 9));
+}
+
 /* ---- features ---- */
 
 enum { SIN_COS = 2, VECTOR = 3, MATRIX = 9 };
@@ -69,8 +84,7 @@ uint32_t lg_machine_feature_scales(const lg_machine *machine, const lg_machine_t
     return used;
 }
 
-/* Copy k of a part (B, copies, n) as (B, n). */
-static lg_var copy_of(lg_tape *tape, lg_var part, uint32_t k) {
+lg_var lg_machine_copy(lg_tape *tape, lg_var part, uint32_t k) {
     const lg_shape shape = lg_var_shape(tape, part);
     const lg_var x = shape.dims[1] > 1 ? lg_slice(tape, part, 1, k, 1) : part;
     return lg_reshape(tape, x, lg_shape2(shape.dims[0], shape.dims[2]));
@@ -80,8 +94,8 @@ static lg_var copy_of(lg_tape *tape, lg_var part, uint32_t k) {
 static lg_var height(lg_tape *tape, const lg_machine_places *part, const lg_machine_offsets *at,
                      const lg_var *y) {
     if (at->places > 0) return lg_machine_columns(tape, y[part->x], at->place + at->places - 1, 1);
-    if (at->directions > 0) return lg_slice(tape, copy_of(tape, y[part->q], at->direction), 1, 2, 1);
-    return lg_slice(tape, copy_of(tape, y[part->R], at->rotation), 1, 6, VECTOR);
+    if (at->directions > 0) return lg_slice(tape, lg_machine_copy(tape, y[part->q], at->direction), 1, 2, 1);
+    return lg_slice(tape, lg_machine_copy(tape, y[part->R], at->rotation), 1, 6, VECTOR);
 }
 
 /* Writes the variables of one feature to `out`; returns their number. */
@@ -98,7 +112,7 @@ static uint32_t record_feature(lg_tape *tape, const lg_machine *machine, lg_mach
     if (of.kind == LG_FEATURE_VELOCITY) {
         out[count++] = lg_machine_columns(tape, seen->v, at.velocity, at.velocities);
     } else if (of.kind == LG_FEATURE_UP) {
-        out[count++] = lg_slice(tape, copy_of(tape, y[part.R], at.rotation), 1, 6, VECTOR);
+        out[count++] = lg_slice(tape, lg_machine_copy(tape, y[part.R], at.rotation), 1, 6, VECTOR);
     } else if (is_angle(machine, of)) {
         const lg_var angle = lg_machine_columns(tape, y[part.x], at.place, 1);
         out[count++] = lg_sin(tape, angle);
@@ -108,9 +122,9 @@ static uint32_t record_feature(lg_tape *tape, const lg_machine *machine, lg_mach
     } else {
         if (of.kind != LG_FEATURE_ROTATION && at.places > 0)
             out[count++] = lg_machine_columns(tape, y[part.x], at.place, at.places);
-        if (at.directions > 0) out[count++] = copy_of(tape, y[part.q], at.direction);
+        if (at.directions > 0) out[count++] = lg_machine_copy(tape, y[part.q], at.direction);
         if (of.kind != LG_FEATURE_PLACE && at.rotations > 0)
-            out[count++] = copy_of(tape, y[part.R], at.rotation);
+            out[count++] = lg_machine_copy(tape, y[part.R], at.rotation);
     }
     return count;
 }

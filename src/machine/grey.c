@@ -47,10 +47,6 @@ static lg_status check_coordinates(const lg_machine *machine, const lg_energy_ro
     bool fits = machine->coordinate_count > 0 && (any || system->count == machine->coordinate_count);
     for (uint32_t i = 0; i < machine->coordinate_count && fits; i++)
         fits = machine->coordinates[i].kind == system->coordinates[any ? 0 : i];
-    if (fits && machine->directions > 0 && (machine->momenta > 0 || system->moving))
-        return lg_fail(error, LG_UNSUPPORTED,
-                       "%s: a machine's directions must be its only coordinates, with a constant mass",
-                       system->name);
     if (fits) return LG_OK;
     for (uint32_t i = 0; i < (any ? 1 : system->count); i++)
         lg_append(wanted, sizeof wanted, "%s%s", i > 0 ? ", " : "",
@@ -283,7 +279,7 @@ static lg_at at_of(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_
     const lg_machine *machine = vars->machine;
     const lg_machine_places part = lg_machine_parts(machine);
     lg_at at = {.rows = seen->rows, .parameters = vars->grey};
-    at.size = machine->directions + machine->momenta; /* one of them is 0 */
+    at.size = lg_machine_tied(machine) ? machine->velocities : machine->directions + machine->momenta;
     if (seen->parts == NULL) return at;
     at.state = state;
     if (part.x >= 0) *state++ = places_in_logs(tape, machine, seen->parts[part.x]);
@@ -300,8 +296,15 @@ static lg_var mass(const lg_term_at *of) {
     double unit[LG_MACHINE_VALUES];
     lg_var state[3];
     const lg_at at = at_of(tape, of->vars, of->seen, state);
-    const lg_var M = machine->grey.system->mass(tape, &at);
-    const uint32_t n = lg_machine_mass_velocities(machine, of->seen->directions, list);
+    lg_var M = machine->grey.system->mass(tape, &at);
+    const lg_mass_rows wanted = of->seen->directions ? LG_MASS_DIRECTIONS : LG_MASS_MOMENTA,
+                       rows = lg_machine_tied(machine) ? LG_MASS_ALL : wanted;
+    const uint32_t n = lg_machine_mass_velocities(machine, rows, list);
+    const uint32_t given = lg_var_shape(tape, M).dims[1];
+    if (given < n) M = lg_mul(tape, M, lg_unit_matrix(tape, n)); /* one number */
+    if (given > n)
+        (void)lg_tape_fail(tape, LG_UNSUPPORTED, machine->grey.system->name,
+                           "the constant mass of a direction that is the only coordinate must be one number");
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = 0; j < n; j++) unit[i * n + j] = lg_machine_unit_mass(machine, list[i], list[j]);
     return lg_mul(tape, M, lg_input_f64(tape, lg_shape3(1, n, n), unit));
@@ -338,14 +341,11 @@ static void add_term(lg_machine *machine, const lg_term_kind *kind) {
             term->of[term->of_count++] = (lg_machine_feature){LG_FEATURE_POSITION, i};
 }
 
-lg_status lg_machine_set_system(lg_machine *machine, const char *name, lg_error *error) {
-    LG_NEEDS(error, machine, name);
-    const lg_energy_row *system = NULL;
+lg_status lg_grey_use(lg_machine *machine, const lg_energy_row *system, lg_error *error) {
     if (machine->grey.system != NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the machine already has a system");
     if (machine->term_count + 2 > LG_MACHINE_TERMS)
         return lg_fail(error, LG_INVALID_ARGUMENT, "more than %d terms", LG_MACHINE_TERMS);
-    LG_TRY(find_system(name, &system, error));
     LG_TRY(check_coordinates(machine, system, error));
     machine->grey = (lg_machine_grey){.system = system};
     machine->grey.count = place_of(machine, NULL);
@@ -356,6 +356,13 @@ lg_status lg_machine_set_system(lg_machine *machine, const char *name, lg_error 
     add_term(machine, &lg_grey_mass_kind);
     if (system->potential != NULL) add_term(machine, &lg_grey_potential_kind);
     return LG_OK;
+}
+
+lg_status lg_machine_set_system(lg_machine *machine, const char *name, lg_error *error) {
+    LG_NEEDS(error, machine, name);
+    const lg_energy_row *system = NULL;
+    LG_TRY(find_system(name, &system, error));
+    return lg_grey_use(machine, system, error);
 }
 
 /* ---- numbers with names ---- */
@@ -379,11 +386,12 @@ void lg_numbers_grey(lg_number_list *list, const lg_machine *machine, const lg_m
 /* M at the reference and the initial parameters, M_ij L_i L_j/T^2: energies in the units of the log. */
 static lg_var initial_mass(lg_tape *tape, const lg_machine *machine) {
     const uint32_t unknown = (uint32_t)unknown_numbers(machine, NULL);
-    const lg_var theta = unknown > 0 ? lg_full(tape, lg_shape1(unknown), 0.0) : LG_NONE,
-                 zeros = lg_full(tape, lg_shape2(1, machine->places > 0 ? machine->places : 1), 0.0);
+    const lg_var theta = unknown > 0 ? lg_full(tape, lg_shape1(unknown), 0.0) : LG_NONE;
     const lg_machine_vars vars = {.machine = machine, .grey = lg_grey_record(tape, machine, theta)};
+    double q[LG_MACHINE_POSITIONS];
     lg_var parts[LG_TAPED_MAX_PARTS];
-    for (int i = 0; i < LG_TAPED_MAX_PARTS; i++) parts[i] = zeros;
+    lg_machine_reference(machine, q);
+    lg_machine_split_positions(tape, machine, lg_input_f64(tape, lg_shape2(1, machine->positions), q), parts);
     const lg_machine_seen seen = {.parts = parts, .rows = 1, .directions = machine->momenta == 0};
     const lg_term_at at = lg_term_at_of(tape, &vars, 0, &seen);
     return mass(&at);
@@ -392,7 +400,8 @@ static lg_var initial_mass(lg_tape *tape, const lg_machine *machine) {
 lg_status lg_grey_energy(const lg_machine *machine, double *out) {
     lg_machine plain = *machine;
     double M[LG_MACHINE_VALUES], logs = 0.0;
-    const uint32_t n = machine->momenta + machine->directions;
+    const uint32_t n =
+        lg_machine_tied(machine) ? machine->velocities : machine->momenta + machine->directions;
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     *out = 0.0;
     if (machine->grey.system == NULL) return LG_OK;

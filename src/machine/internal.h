@@ -81,6 +81,9 @@ typedef struct lg_entry_about {
     bool positive, single;
 } lg_entry_about;
 
+/* Rows of mass matrices: of momenta on R^n, one for each direction, or of all velocities. */
+typedef enum lg_mass_rows { LG_MASS_MOMENTA, LG_MASS_DIRECTIONS, LG_MASS_ALL } lg_mass_rows;
+
 /* A list of numbers with names (machine/numbers.c). `count` numbers were put; the first `room` of them are in
  * `out`. */
 typedef struct lg_number_list {
@@ -104,7 +107,7 @@ lg_numbers_put(lg_number_list *list, double value, const char *format, ...);
 void lg_numbers_read(lg_number_list *list, lg_var x, size_t count, double *out);
 /* Reads a mass M (1, n, n), or of directions (1, n, 1), and appends its numbers: those on and above the
  * diagonal, or with `diagonal`, which directions need, those on it. */
-void lg_numbers_put_mass(lg_number_list *list, const lg_machine *machine, lg_var M, bool directions,
+void lg_numbers_put_mass(lg_number_list *list, const lg_machine *machine, lg_var M, lg_mass_rows rows,
                          bool diagonal);
 /* Name of velocity k: "x", or "body.2" where its coordinate has several velocities. */
 LG_API void lg_machine_velocity_name(const lg_machine *machine, uint32_t k, char *text, size_t size);
@@ -117,7 +120,7 @@ typedef struct lg_prior lg_prior;
 /* A row of the table of terms. `record` returns, by part:
  *   mass       the mass matrix M, (B, n, n) or (1, n, n), of the coordinates whose momenta are in R^n; with
  *              seen->directions the masses of the k directions, (1, k, 1), or (1, k, k) of a chain, which all
- *              terms except networks have
+ *              terms except networks have; of a system that is tied always the matrix of all velocities
  *   potential  V (B, 1)
  *   damping, input map, residual, offset   forces (B, velocities)
  *   bias       (1, positions + velocities), which logs have added to the true values
@@ -267,6 +270,8 @@ double lg_machine_drag_unit(const lg_machine *machine, uint32_t i, uint32_t j, i
 
 /* The terms that lg_machine_set_system adds. */
 extern const lg_term_kind lg_grey_mass_kind, lg_grey_potential_kind;
+/* lg_machine_set_system for a row that need not be in the table. */
+lg_status lg_grey_use(lg_machine *machine, const lg_energy_row *system, lg_error *error);
 lg_status lg_grey_check(const lg_machine *machine, lg_error *error);
 /* All numbers of the system, (P), from theta, the parameters of its mass term. theta is LG_NONE if no number
  * is unknown. */
@@ -277,8 +282,10 @@ bool lg_grey_known(const lg_machine *machine);
  * system, or its masses are not known. Errors: LG_OUT_OF_MEMORY. */
 lg_status lg_grey_energy(const lg_machine *machine, double *out);
 
+/* Splits positions (B, positions) in the order of logs into the parts x, q and R of a state. */
+void lg_machine_split_positions(lg_tape *tape, const lg_machine *machine, lg_var positions, lg_var *parts);
 /* Writes the reference position: places and angles are 0, directions e3, attitudes the unit matrix. */
-void lg_machine_reference(const lg_machine *machine, double *positions);
+LG_API void lg_machine_reference(const lg_machine *machine, double *positions);
 /* The state (one row) at rest at `positions`, which are in the units of the log and contain its biases; NULL:
  * at the reference. */
 lg_status lg_machine_record_rest(lg_tape *tape, const lg_machine_vars *vars, const double *positions,
@@ -303,10 +310,14 @@ size_t lg_machine_polynomial_parameters(const lg_machine *machine, const lg_mach
 bool lg_machine_mass_moves(const lg_machine *machine);
 /* Factor from M_ij in the log's units to scaled units, for velocities i and j: L_i L_j/(E T^2). */
 double lg_machine_unit_mass(const lg_machine *machine, uint32_t i, uint32_t j);
-/* Indices of the velocities whose momenta are on R^n, in order; with `directions` instead the first of the 3
- * velocities of each direction. Returns their number. */
-uint32_t lg_machine_mass_velocities(const lg_machine *machine, bool directions, uint32_t *list);
-/* M of the momenta on R^n, (B, n, n) or (1, n, n): the sum of all mass terms. */
+/* Whether the mass matrix of the machine's system has three rows for each direction, q', among the rows of
+ * all velocities: it couples the directions with other coordinates, or depends on the state. */
+bool lg_machine_tied(const lg_machine *machine);
+/* Indices of the velocities whose momenta are on R^n, in order; or the first of the 3 velocities of each
+ * direction; or all. Returns their number. */
+uint32_t lg_machine_mass_velocities(const lg_machine *machine, lg_mass_rows rows, uint32_t *list);
+/* M of the momenta on R^n, or of all velocities of a machine that is tied, (B, n, n) or (1, n, n): the sum of
+ * all mass terms. */
 lg_var lg_machine_record_mass(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts);
 
 /* Monomials of `least` <= degree <= `most`, in the order of the variables' indices. Each is a list of the
@@ -340,6 +351,8 @@ lg_var lg_machine_record_triangle(lg_tape *tape, lg_var packed, uint32_t n, bool
 lg_var lg_machine_record_selection(lg_tape *tape, const uint32_t *at, uint32_t count, uint32_t columns);
 /* Columns first .. first + count - 1 of x (B, n); returns x itself if these are all columns. */
 lg_var lg_machine_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t count);
+/* Copy k of a part (B, copies, n) as (B, n). */
+lg_var lg_machine_copy(lg_tape *tape, lg_var part, uint32_t k);
 
 /* Puts the parameters of the machine on the tape; LG_NONE if it has none. */
 static inline lg_var lg_machine_parameter(lg_tape *tape, const lg_machine *machine, const double *theta) {

@@ -92,7 +92,7 @@ static void put_moving_mass(lg_number_list *l, const lg_machine *machine, const 
     lg_var parts[LG_TAPED_MAX_PARTS], M = LG_NONE;
     if (l->status == LG_OK) l->status = lg_machine_record_rest(l->tape, &l->vars, positions, parts);
     if (l->status == LG_OK) M = lg_machine_record_mass(l->tape, &l->vars, parts);
-    lg_numbers_put_mass(l, machine, M, false, false);
+    lg_numbers_put_mass(l, machine, M, lg_machine_tied(machine) ? LG_MASS_ALL : LG_MASS_MOMENTA, false);
 }
 
 /* If a mass is a network, the entries of M at `positions` replace the numbers of all mass terms, except the

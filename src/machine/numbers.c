@@ -60,11 +60,12 @@ void lg_numbers_bias(lg_number_list *l, const lg_machine *machine, const lg_mach
 
 /* ---- mass ---- */
 
-void lg_numbers_put_mass(lg_number_list *l, const lg_machine *machine, lg_var M, bool directions,
+void lg_numbers_put_mass(lg_number_list *l, const lg_machine *machine, lg_var M, lg_mass_rows rows,
                          bool diagonal) {
+    const bool directions = rows == LG_MASS_DIRECTIONS;
     uint32_t at[LG_MACHINE_VELOCITIES];
     double m[LG_MACHINE_VALUES];
-    const uint32_t n = lg_machine_mass_velocities(machine, directions, at), columns = directions ? 1 : n;
+    const uint32_t n = lg_machine_mass_velocities(machine, rows, at), columns = directions ? 1 : n;
     lg_numbers_read(l, M, (size_t)n * columns, m);
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t j = i; j < (diagonal ? i + 1 : n); j++)

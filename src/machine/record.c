@@ -6,6 +6,40 @@
 
 /* ---- parameters ---- */
 
+/* A mass term; LG_NONE if it has none for the directions. Directions that a system couples have a matrix. */
+static lg_var mass_of(const lg_term_at *at) {
+    const uint32_t k = at->machine->directions;
+    const bool directions = at->seen->directions, coupled = at->machine->grey.system != NULL && k > 1;
+    if (directions && at->term->kind->outputs != NULL) return LG_NONE;
+    const lg_var m = at->term->kind->record(at);
+    const bool diagonal = directions && coupled && lg_var_shape(at->tape, m).dims[2] == 1;
+    return diagonal ? lg_mul(at->tape, m, lg_unit_matrix(at->tape, k)) : m;
+}
+
+/* A mass term of a machine that is tied, as a matrix of all velocities: the sum of S^T M S with selections S
+ * of its rows, of each direction one row after the other. */
+static lg_var widened(const lg_term_at *term) {
+    lg_tape *tape = term->tape;
+    const uint32_t all = term->n;
+    uint32_t list[LG_MACHINE_VELOCITIES];
+    lg_machine_seen seen = *term->seen;
+    lg_term_at at = *term;
+    lg_var sum = LG_NONE;
+    at.seen = &seen;
+    for (lg_mass_rows rows = LG_MASS_MOMENTA; rows <= LG_MASS_DIRECTIONS; rows++) {
+        const uint32_t n = lg_machine_mass_velocities(at.machine, rows, list);
+        seen.directions = rows == LG_MASS_DIRECTIONS;
+        const lg_var M = n > 0 ? mass_of(&at) : LG_NONE;
+        for (uint32_t component = 0; component < (seen.directions ? 3 : 1) && !lg_is_none(M); component++) {
+            const lg_var S =
+                lg_reshape(tape, lg_machine_record_selection(tape, list, n, all), lg_shape3(1, n, all));
+            sum = lg_add_or(tape, sum, lg_matmul_tn(tape, S, lg_matmul(tape, M, S)));
+            for (uint32_t i = 0; i < n; i++) list[i]++;
+        }
+    }
+    return sum;
+}
+
 /* The sum of the terms of one part, or LG_NONE. Input maps see the inputs after their curves. */
 static lg_var sum_of(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
                      const lg_machine_seen *seen) {
@@ -19,26 +53,19 @@ static lg_var sum_of(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part
     }
     for (uint32_t i = 0; i < machine->term_count; i++) {
         const lg_term_at at = lg_term_at_of(tape, vars, i, seen);
-        if (at.term->part == part) sum = lg_add_or(tape, sum, at.term->kind->record(&at));
+        const lg_term_kind *kind = at.term->kind;
+        const bool wide = kind != &lg_grey_mass_kind && lg_machine_tied(machine);
+        if (kind->part != part) continue;
+        sum = lg_add_or(tape, sum,
+                        part != LG_MACHINE_MASS ? kind->record(&at)
+                        : wide                  ? widened(&at)
+                                                : mass_of(&at));
     }
     return sum;
 }
 
-/* Mass of the directions, (1, k, 1), or (1, k, k) where the system couples them. */
-static lg_var record_direction_mass(lg_tape *tape, const lg_machine_vars *vars) {
-    const lg_machine *machine = vars->machine;
-    const uint32_t k = machine->directions;
-    const bool coupled = machine->grey.system != NULL && k > 1;
-    const lg_machine_seen seen = {.rows = 1, .directions = true};
-    lg_var sum = LG_NONE;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_term_at at = lg_term_at_of(tape, vars, i, &seen);
-        if (at.term->part != LG_MACHINE_MASS || at.term->kind->outputs != NULL) continue;
-        lg_var m = at.term->kind->record(&at);
-        if (coupled && lg_var_shape(tape, m).dims[2] == 1) m = lg_mul(tape, m, lg_unit_matrix(tape, k));
-        sum = lg_add_or(tape, sum, m);
-    }
-    return sum;
+static uint32_t mass_size(const lg_machine *machine) {
+    return lg_machine_tied(machine) ? machine->velocities : machine->momenta;
 }
 
 /* The parameters of the system: the slice of theta of its mass term. */
@@ -65,12 +92,14 @@ lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta
             LG_TRY(lg_mlp_bind(tape, &term->net, theta, term->offset, &vars->net[i]));
     }
     if (machine->grey.system != NULL) vars->grey = lg_grey_record(tape, machine, grey_theta(vars));
-    const uint32_t n = machine->momenta;
+    const uint32_t n = mass_size(machine);
     vars->bias = sum_of(tape, vars, LG_MACHINE_BIAS, NULL);
     if (machine->lags > 0) vars->lag = lg_machine_record_lag(tape, vars);
     if (machine->bristles > 0) lg_machine_bind_bristles(tape, vars);
-    if (machine->directions > 0) vars->direction_mass = record_direction_mass(tape, vars);
-    if (machine->directions > 1 && machine->grey.system != NULL)
+    const bool alone = machine->directions > 0 && !lg_machine_tied(machine);
+    const lg_machine_seen directions = {.rows = 1, .directions = true};
+    if (alone) vars->direction_mass = sum_of(tape, vars, LG_MACHINE_MASS, &directions);
+    if (alone && machine->directions > 1 && machine->grey.system != NULL)
         vars->direction_inverse =
             lg_spd_solve(tape, vars->direction_mass, lg_unit_matrix(tape, machine->directions));
     if (n > 0 && !lg_machine_mass_moves(machine)) {
@@ -83,10 +112,6 @@ lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta
 
 /* ---- rows of 3-vectors ---- */
 
-static lg_var stack(lg_tape *tape, const lg_var *each, uint32_t count, uint32_t rows, uint32_t width) {
-    return lg_reshape(tape, lg_joined(tape, each, count), lg_shape3(rows, count, width));
-}
-
 /* Three-vectors out of v (B, velocities), (B, copies, 3): the velocities of the directions, or the last 3
  * velocities of each rotation and pose. */
 static lg_var rates(lg_tape *tape, const lg_machine *machine, lg_var v, bool directions) {
@@ -95,7 +120,7 @@ static lg_var rates(lg_tape *tape, const lg_machine *machine, lg_var v, bool dir
     for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
         if ((directions ? at.directions : at.rotations) > 0)
             each[count++] = lg_machine_columns(tape, v, at.velocity + at.velocities - 3, 3);
-    return stack(tape, each, count, lg_var_shape(tape, v).dims[0], 3);
+    return lg_reshape(tape, lg_joined(tape, each, count), lg_shape3(lg_var_shape(tape, v).dims[0], count, 3));
 }
 
 /* ---- velocities and momenta on R^n ---- */
@@ -110,15 +135,12 @@ static lg_var without_directions(lg_tape *tape, const lg_machine *machine, lg_va
     return count == 0 ? LG_NONE : lg_joined(tape, each, count);
 }
 
-static lg_var with_directions(lg_tape *tape, const lg_machine *machine, lg_var v, lg_var omega,
-                              uint32_t rows) {
+static lg_var with_directions(lg_tape *tape, const lg_machine *machine, lg_var v, lg_var omega) {
     lg_var each[LG_MACHINE_COORDINATES];
     if (machine->directions == 0) return v;
     for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         if (at.directions > 0)
-            each[at.index] =
-                lg_reshape(tape, machine->directions == 1 ? omega : lg_slice(tape, omega, 1, at.direction, 1),
-                           lg_shape2(rows, 3));
+            each[at.index] = lg_machine_copy(tape, omega, at.direction);
         else
             each[at.index] = lg_machine_columns(tape, v, at.momentum, at.velocities);
     }
@@ -133,7 +155,7 @@ static uint32_t rows_of(lg_tape *tape, const lg_var *parts) {
 
 /* M of the state (B or 1, n, n). LG_NONE where M does not depend on the state: then vars->mass has it. */
 static lg_var moving_mass(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
-    const bool bound = vars->machine->momenta == 0 || !lg_is_none(vars->mass);
+    const bool bound = mass_size(vars->machine) == 0 || !lg_is_none(vars->mass);
     return bound ? LG_NONE : sum_of(tape, vars, LG_MACHINE_MASS, seen);
 }
 
@@ -159,33 +181,12 @@ static bool are_coupled(const lg_machine_vars *vars) {
     return !lg_is_none(vars->direction_inverse);
 }
 
-/* p_i = P_i sum_j m_ij q_j' with P_i = 1 - q_i q_i^T, (B, k, 3). */
-static lg_var direction_momenta(lg_tape *tape, const lg_machine_vars *vars, lg_var q, lg_var velocity) {
-    if (!are_coupled(vars)) return lg_mul(tape, velocity, vars->direction_mass);
-    const lg_var p = lg_matmul(tape, vars->direction_mass, velocity);
-    return lg_sub(tape, p, lg_mul(tape, lg_rowdot(tape, q, p), q));
-}
-
-static lg_var direction_velocity(lg_tape *tape, const lg_machine_vars *vars, lg_var q, lg_var p) {
-    lg_var lambda;
-    return are_coupled(vars) ? lg_tied_velocity(tape, vars->direction_inverse, q, p, &lambda)
-                             : lg_div(tape, p, vars->direction_mass);
-}
-
-/* Splits positions (B, positions) of a log into the parts x, q and R of a state. */
-static void split_positions(lg_tape *tape, const lg_machine *machine, lg_var positions, lg_var *parts) {
-    lg_var x[LG_MACHINE_COORDINATES], q[LG_MACHINE_COORDINATES], R[LG_MACHINE_COORDINATES];
-    uint32_t xs = 0, qs = 0, Rs = 0;
-    const lg_machine_places part = lg_machine_parts(machine);
-    const uint32_t rows = lg_var_shape(tape, positions).dims[0];
-    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
-        if (at.places > 0) x[xs++] = lg_machine_columns(tape, positions, at.position, at.places);
-        if (at.directions > 0) q[qs++] = lg_machine_columns(tape, positions, at.position, 3);
-        if (at.rotations > 0) R[Rs++] = lg_machine_columns(tape, positions, at.position + at.places, 9);
-    }
-    if (part.x >= 0) parts[part.x] = lg_joined(tape, x, xs);
-    if (part.q >= 0) parts[part.q] = stack(tape, q, qs, rows, 3);
-    if (part.R >= 0) parts[part.R] = stack(tape, R, Rs, rows, 9);
+/* q' = omega x q in place of omega in v (B, velocities), or with `back` omega = q x q' in place of q'. */
+static lg_var turning(lg_tape *tape, const lg_machine *machine, const lg_var *parts, lg_var v, bool back) {
+    if (machine->directions == 0) return v;
+    const lg_var q = parts[lg_machine_parts(machine).q], x = rates(tape, machine, v, true);
+    return with_directions(tape, machine, without_directions(tape, machine, v),
+                           back ? lg_cross(tape, q, x) : lg_cross(tape, x, q));
 }
 
 /* The biases of positions or of velocities, (1, numbers), or LG_NONE. */
@@ -203,21 +204,33 @@ static lg_var biased(lg_tape *tape, const lg_machine_vars *vars, bool velocities
     return lg_is_none(bias) ? x : apply(tape, x, bias);
 }
 
+/* The momenta of v, which has q' in place of omega: p_i = P_i (M v)_i with P_i = 1 - q_i q_i^T, in which the
+ * directions of a chain have the mass matrix of their own. */
+static void put_momenta(lg_tape *tape, const lg_machine_vars *vars, lg_var M, lg_var v, lg_var *parts) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_places at = lg_machine_parts(machine);
+    const bool tied = lg_machine_tied(machine);
+    const lg_var all = tied ? times_mass(tape, vars, M, v) : v, x = without_directions(tape, machine, all);
+    if (at.m >= 0) parts[at.m] = tied ? x : times_mass(tape, vars, M, x);
+    if (at.p < 0) return;
+    const lg_var q = parts[at.q], x3 = rates(tape, machine, all, true);
+    lg_var p = x3;
+    if (!tied)
+        p = are_coupled(vars) ? lg_matmul(tape, vars->direction_mass, x3)
+                              : lg_mul(tape, x3, vars->direction_mass);
+    const bool free = !tied && !are_coupled(vars);
+    parts[at.p] = free ? p : lg_sub(tape, p, lg_mul(tape, lg_rowdot(tape, q, p), q));
+}
+
 /* The state from positions and velocities without biases. */
 static lg_status record_true_state(lg_tape *tape, const lg_machine_vars *vars, lg_var positions,
                                    lg_var velocities, lg_var *parts) {
     const lg_machine *machine = vars->machine;
     const lg_machine_places at = lg_machine_parts(machine);
-    split_positions(tape, machine, positions, parts);
+    lg_machine_split_positions(tape, machine, positions, parts);
     const lg_machine_seen seen = {.parts = parts, .rows = lg_var_shape(tape, positions).dims[0]};
-    if (at.m >= 0) {
-        const lg_var v = without_directions(tape, machine, velocities);
-        parts[at.m] = times_mass(tape, vars, moving_mass(tape, vars, &seen), v);
-    }
-    if (at.p >= 0) {
-        const lg_var omega = rates(tape, machine, velocities, true);
-        parts[at.p] = direction_momenta(tape, vars, parts[at.q], lg_cross(tape, omega, parts[at.q]));
-    }
+    put_momenta(tape, vars, moving_mass(tape, vars, &seen), turning(tape, machine, parts, velocities, false),
+                parts);
     if (at.z >= 0) parts[at.z] = lg_machine_bristle_steady(tape, vars, velocities);
     return lg_tape_status(tape);
 }
@@ -227,14 +240,6 @@ lg_status lg_machine_record_state(lg_tape *tape, const lg_machine_vars *vars, lg
     LG_TRY(lg_tape_needs(tape, "state", vars != NULL && parts != NULL));
     return record_true_state(tape, vars, biased(tape, vars, false, positions, lg_sub),
                              biased(tape, vars, true, velocities, lg_sub), parts);
-}
-
-void lg_machine_reference(const lg_machine *machine, double *positions) {
-    memset(positions, 0, machine->positions * sizeof *positions);
-    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
-        if (at.directions > 0) positions[at.position + 2] = 1.0;
-        for (uint32_t k = 0; k < 3 * at.rotations; k++) positions[at.position + at.places + 4 * k] = 1.0;
-    }
 }
 
 lg_status lg_machine_record_rest(lg_tape *tape, const lg_machine_vars *vars, const double *positions,
@@ -256,19 +261,14 @@ lg_status lg_machine_record_rest(lg_tape *tape, const lg_machine_vars *vars, con
 static lg_var true_positions(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
     const lg_machine *machine = vars->machine;
     const lg_machine_places at = lg_machine_parts(machine);
-    const uint32_t rows = rows_of(tape, parts);
     lg_var all[2 * LG_MACHINE_COORDINATES];
     uint32_t count = 0;
     if (at.q < 0 && at.R < 0) return parts[at.x];
     for (lg_machine_offsets offset = {0}; lg_machine_next(machine, &offset);) {
         if (offset.places > 0)
             all[count++] = lg_machine_columns(tape, parts[at.x], offset.place, offset.places);
-        if (offset.directions > 0)
-            all[count++] =
-                lg_reshape(tape, lg_slice(tape, parts[at.q], 1, offset.direction, 1), lg_shape2(rows, 3));
-        if (offset.rotations > 0)
-            all[count++] =
-                lg_reshape(tape, lg_slice(tape, parts[at.R], 1, offset.rotation, 1), lg_shape2(rows, 9));
+        if (offset.directions > 0) all[count++] = lg_machine_copy(tape, parts[at.q], offset.direction);
+        if (offset.rotations > 0) all[count++] = lg_machine_copy(tape, parts[at.R], offset.rotation);
     }
     return lg_joined(tape, all, count);
 }
@@ -277,17 +277,36 @@ lg_var lg_machine_record_positions(lg_tape *tape, const lg_machine_vars *vars, c
     return biased(tape, vars, false, true_positions(tape, vars, parts), lg_add);
 }
 
-/* omega = q x q', (B, directions, 3). */
-static lg_var direction_rates(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
+/* The momenta of all coordinates in the order of the velocities, (B, velocities). */
+static lg_var all_momenta(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
     const lg_machine_places at = lg_machine_parts(vars->machine);
-    if (at.q < 0) return LG_NONE;
-    return lg_cross(tape, parts[at.q], direction_velocity(tape, vars, parts[at.q], parts[at.p]));
+    return with_directions(tape, vars->machine, at.m < 0 ? LG_NONE : parts[at.m],
+                           at.p < 0 ? LG_NONE : parts[at.p]);
 }
 
-static lg_var velocities_with(lg_tape *tape, const lg_machine_vars *vars, lg_var M, const lg_var *parts) {
-    const lg_machine_places at = lg_machine_parts(vars->machine);
-    const lg_var v = at.m >= 0 ? by_mass(tape, vars, M, parts[at.m]) : LG_NONE;
-    return with_directions(tape, vars->machine, v, direction_rates(tape, vars, parts), rows_of(tape, parts));
+/* v (B, velocities) with q' in place of omega. *lambda gets the multipliers (B, k, 1) of the ties q.q' = 0;
+ * LG_NONE: directions are not coupled. */
+static lg_var velocities_with(lg_tape *tape, const lg_machine_vars *vars, lg_var M, const lg_var *parts,
+                              lg_var *lambda) {
+    const lg_machine *machine = vars->machine;
+    const lg_machine_places at = lg_machine_parts(machine);
+    const uint32_t rows = rows_of(tape, parts), n = machine->velocities;
+    lg_var v = LG_NONE, moved = LG_NONE;
+    *lambda = LG_NONE;
+    if (lg_machine_tied(machine)) {
+        lg_machine_offsets first = {0};
+        while (lg_machine_next(machine, &first) && first.directions == 0) continue;
+        const lg_var P = lg_reshape(tape, all_momenta(tape, vars, parts), lg_shape3(rows, n, 1)),
+                     N = lg_tie_columns(tape, parts[at.q], first.velocity, n),
+                     W = lg_is_none(M) ? lg_reshape(tape, vars->inverse, lg_shape3(1, n, n)) : LG_NONE;
+        return lg_reshape(tape, lg_tied_velocities(tape, M, W, P, N, lambda), lg_shape2(rows, n));
+    }
+    if (at.m >= 0) v = by_mass(tape, vars, M, parts[at.m]);
+    if (at.q >= 0)
+        moved = are_coupled(vars)
+                    ? lg_tied_velocity(tape, vars->direction_inverse, parts[at.q], parts[at.p], lambda)
+                    : lg_div(tape, parts[at.p], vars->direction_mass);
+    return with_directions(tape, machine, v, moved);
 }
 
 lg_var lg_machine_record_mass(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
@@ -302,28 +321,19 @@ lg_var lg_machine_record_velocities(lg_tape *tape, const lg_machine_vars *vars, 
 /* ---- energy and forces ---- */
 
 lg_var lg_machine_record_energy(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
-    const lg_machine_places at = lg_machine_parts(vars->machine);
-    const uint32_t rows = rows_of(tape, parts);
-    const lg_machine_seen seen = {.parts = parts, .rows = rows};
-    const lg_var V = sum_of(tape, vars, LG_MACHINE_POTENTIAL, &seen);
-    lg_var twice = LG_NONE;
-    if (at.m >= 0) {
-        const lg_var v = by_mass(tape, vars, moving_mass(tape, vars, &seen), parts[at.m]);
-        twice = lg_rowdot(tape, parts[at.m], v);
-    }
-    if (at.p >= 0) {
-        const lg_var each =
-            lg_rowdot(tape, parts[at.p], direction_velocity(tape, vars, parts[at.q], parts[at.p]));
-        const lg_var all = lg_reshape(tape, each, lg_shape2(rows, vars->machine->directions));
-        twice = lg_add_or(tape, twice, lg_sum_axis(tape, all, 1, true));
-    }
-    const lg_var T = lg_scale(tape, twice, 0.5);
+    const lg_machine_seen seen = {.parts = parts, .rows = rows_of(tape, parts)};
+    const lg_var V = sum_of(tape, vars, LG_MACHINE_POTENTIAL, &seen), M = moving_mass(tape, vars, &seen);
+    lg_var lambda;
+    const lg_var v = velocities_with(tape, vars, M, parts, &lambda),
+                 T = lg_scale(tape, lg_rowdot(tape, all_momenta(tape, vars, parts), v), 0.5);
     return lg_add_or(tape, T, V);
 }
 
 lg_var lg_machine_record_rates(lg_tape *tape, const lg_machine_vars *vars, const lg_var *parts) {
     const lg_machine_seen seen = {.parts = parts, .rows = rows_of(tape, parts)};
-    return velocities_with(tape, vars, moving_mass(tape, vars, &seen), parts);
+    lg_var lambda;
+    const lg_var v = velocities_with(tape, vars, moving_mass(tape, vars, &seen), parts, &lambda);
+    return turning(tape, vars->machine, parts, v, true);
 }
 
 lg_var lg_machine_record_force(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part part,
@@ -346,8 +356,8 @@ static lg_var all_forces(lg_tape *tape, const lg_machine_vars *vars, const lg_ma
 
 /* ---- the field ---- */
 
-/* g = -dH/d(x, q, R) at fixed momenta, which is the derivative of 1/2 v^T M v - V at fixed v. All of g is
- * LG_NONE when nothing depends on positions. */
+/* g = -dH/d(x, q, R) at fixed momenta without the ties, which is the derivative of 1/2 v^T M v - V at fixed v
+ * (with q' in place of omega). All of g is LG_NONE when nothing depends on positions. */
 static lg_status conservative_force(lg_tape *tape, const lg_machine_vars *vars, lg_var M, lg_var v,
                                     const lg_machine_seen *seen, lg_var *g) {
     const lg_machine *machine = vars->machine;
@@ -357,9 +367,8 @@ static lg_status conservative_force(lg_tape *tape, const lg_machine_vars *vars, 
     size_t outputs = 0, count = 0;
     for (int i = 0; i < LG_TAPED_MAX_PARTS; i++) g[i] = LG_NONE;
     if (!lg_is_none(M)) {
-        const lg_var p = without_directions(tape, machine, v);
-        const uint32_t n = machine->momenta;
-        const lg_var column = lg_reshape(tape, p, lg_shape3(seen->rows, n, 1));
+        const lg_var p = lg_machine_tied(machine) ? v : without_directions(tape, machine, v);
+        const lg_var column = lg_reshape(tape, p, lg_shape3(seen->rows, mass_size(machine), 1));
         y[outputs] = M;
         cotangent[outputs++] = lg_scale(tape, lg_matmul_nt(tape, column, column), 0.5);
     }
@@ -385,11 +394,10 @@ static lg_var rotation_matrix(lg_tape *tape, lg_var R, uint32_t k, uint32_t rows
 
 /* What the equations of one coordinate use. */
 typedef struct body {
-    const lg_machine_vars *vars;
     const lg_machine *machine;
     lg_machine_places at;
     const lg_var *parts, *g;
-    lg_var v, f;
+    lg_var v, f, plain, lambda; /* plain: v with q' in place of omega */
     uint32_t rows;
 } body;
 
@@ -474,16 +482,15 @@ static void move_places(lg_tape *tape, const body *b, lg_var *algebra) {
     algebra[b->at.m] = lg_add_or(tape, f, lg_joined(tape, p, ps));
 }
 
-/* xi = omega and eta = f - g x q. A chain adds q x lambda q' + q' x p, with lambda as in
+/* xi = omega and eta = f - g x q. Coupled directions add q x lambda q' + q' x p, with lambda as in
  * liegrad/machine.h. */
 static void move_directions(lg_tape *tape, const body *b, lg_var *algebra) {
     const lg_var omega = rates(tape, b->machine, b->v, true), g = b->g[b->at.q], q = b->parts[b->at.q];
     lg_var eta = lg_is_none(b->f) ? LG_NONE : rates(tape, b->machine, b->f, true);
     if (!lg_is_none(g)) eta = lg_add_or(tape, eta, lg_cross(tape, q, g));
-    if (are_coupled(b->vars)) {
-        const lg_var v = lg_cross(tape, omega, q);
-        const lg_var lambda = lg_neg(tape, lg_rowdot(tape, q, lg_matmul(tape, b->vars->direction_mass, v)));
-        eta = lg_add_or(tape, eta, lg_cross(tape, q, lg_mul(tape, lambda, v)));
+    if (!lg_is_none(b->lambda)) {
+        const lg_var v = rates(tape, b->machine, b->plain, true);
+        eta = lg_add_or(tape, eta, lg_cross(tape, q, lg_mul(tape, b->lambda, v)));
         eta = lg_add_or(tape, eta, lg_cross(tape, v, b->parts[b->at.p]));
     }
     algebra[b->at.q] = omega;
@@ -508,17 +515,18 @@ lg_status lg_machine_record_field(lg_tape *tape, const lg_machine_vars *vars, co
         seen.u = lg_full(tape, lg_shape2(seen.rows, machine->input_count), 0.0);
         lg_tape_mark_rows(tape, seen.u);
     }
-    lg_var g[LG_TAPED_MAX_PARTS];
-    const lg_var M = moving_mass(tape, vars, &seen);
-    seen.v = velocities_with(tape, vars, M, parts);
-    LG_TRY(conservative_force(tape, vars, M, seen.v, &seen, g));
-    const body b = {.vars = vars,
-                    .machine = machine,
+    lg_var g[LG_TAPED_MAX_PARTS], lambda;
+    const lg_var M = moving_mass(tape, vars, &seen), v = velocities_with(tape, vars, M, parts, &lambda);
+    seen.v = turning(tape, machine, parts, v, true);
+    LG_TRY(conservative_force(tape, vars, M, v, &seen, g));
+    const body b = {.machine = machine,
                     .at = lg_machine_parts(machine),
                     .parts = parts,
                     .g = g,
                     .v = seen.v,
                     .f = all_forces(tape, vars, &seen),
+                    .plain = v,
+                    .lambda = lambda,
                     .rows = seen.rows};
     if (machine->momenta > 0) move_places(tape, &b, algebra);
     if (machine->directions > 0) move_directions(tape, &b, algebra);

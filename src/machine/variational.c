@@ -33,7 +33,7 @@ const char *lg_machine_variational_fault(const lg_machine *machine) {
     if (lg_machine_mass_moves(machine))
         return "variational is for masses that do not depend on the state (known, diagonal, constant); take "
                "cf4, rkmk4 or another explicit Lie group scheme";
-    if (machine->grey.system != NULL && machine->directions > 1)
+    if (lg_machine_tied(machine) || (machine->grey.system != NULL && machine->directions > 1))
         return "variational is for directions that each have a mass; the directions of a chain share a mass "
                "matrix: take cf4, rkmk4 or another explicit Lie group scheme";
     return NULL;

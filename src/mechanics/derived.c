@@ -69,19 +69,9 @@ static lg_var momenta(const state *s) {
 
 /* N (B, size, directions), or LG_NONE. */
 static lg_var constraints(const state *s) {
-    lg_var out = LG_NONE;
-    uint32_t first = 0;
-    for (size_t i = 0; i < s->parts; i += 2) {
-        const uint32_t width = width_of(s, i + 1), k = width / 3;
-        if (kind_of(s, i) == 1) {
-            const lg_var one = lg_reshape(s->tape, lg_unit_matrix(s->tape, k), lg_shape4(1, k, 1, k));
-            out = lg_mul(s->tape, lg_reshape(s->tape, s->y[i], lg_shape4(s->rows, k, 3, 1)), one);
-            out = lg_reshape(s->tape, out, lg_shape3(s->rows, width, k));
-            out = lg_pad(s->tape, out, 1, first, s->size - first - width);
-        }
-        first += width;
-    }
-    return out;
+    for (size_t i = 0, first = 0; i < s->parts; first += width_of(s, i + 1), i += 2)
+        if (kind_of(s, i) == 1) return lg_tie_columns(s->tape, s->y[i], (uint32_t)first, s->size);
+    return LG_NONE;
 }
 
 /* M (B, size, size); one direction alone may have one number. */
@@ -95,12 +85,8 @@ static lg_var mass(const state *s) {
 static lg_var velocities(const state *s, lg_var *multipliers) {
     const lg_var P = momenta(s), N = constraints(s), M = mass(s);
     *multipliers = LG_NONE;
-    if (lg_is_none(N)) return lg_spd_solve(s->tape, M, P);
-    const uint32_t k = lg_var_shape(s->tape, N).dims[2];
-    const lg_var both[2] = {P, N}, Z = lg_spd_solve(s->tape, M, lg_concat(s->tape, both, 2, 2)),
-                 free = lg_slice(s->tape, Z, 2, 0, 1), of_N = lg_slice(s->tape, Z, 2, 1, k);
-    *multipliers = lg_spd_solve(s->tape, lg_matmul_tn(s->tape, N, of_N), lg_matmul_tn(s->tape, N, free));
-    return lg_sub(s->tape, free, lg_matmul(s->tape, of_N, *multipliers));
+    return lg_is_none(N) ? lg_spd_solve(s->tape, M, P)
+                         : lg_tied_velocities(s->tape, M, LG_NONE, P, N, multipliers);
 }
 
 /* H (B, 1) at v and l: v.(P - M v/2 - N l) + V. */

@@ -39,6 +39,23 @@ lg_var lg_tied_velocity(lg_tape *tape, lg_var W, lg_var q, lg_var p, lg_var *lam
     return lg_matmul(tape, W, lg_sub(tape, p, lg_mul(tape, *lambda, q)));
 }
 
+lg_var lg_tie_columns(lg_tape *tape, lg_var q, uint32_t first, uint32_t n) {
+    const lg_shape shape = lg_var_shape(tape, q);
+    const uint32_t rows = shape.dims[0], k = shape.dims[1];
+    const lg_var one = lg_reshape(tape, lg_unit_matrix(tape, k), lg_shape4(1, k, 1, k)),
+                 each = lg_mul(tape, lg_reshape(tape, q, lg_shape4(rows, k, 3, 1)), one);
+    return lg_pad(tape, lg_reshape(tape, each, lg_shape3(rows, 3 * k, k)), 1, first, n - first - 3 * k);
+}
+
+lg_var lg_tied_velocities(lg_tape *tape, lg_var M, lg_var W, lg_var P, lg_var N, lg_var *lambda) {
+    const lg_var both = lg_concat(tape, (lg_var[]){P, N}, 2, 2),
+                 Z = lg_is_none(W) ? lg_spd_solve(tape, M, both) : lg_matmul(tape, W, both),
+                 free = lg_slice(tape, Z, 2, 0, 1),
+                 of_N = lg_slice(tape, Z, 2, 1, lg_var_shape(tape, N).dims[2]);
+    *lambda = lg_spd_solve(tape, lg_matmul_tn(tape, N, of_N), lg_matmul_tn(tape, N, free));
+    return lg_sub(tape, free, lg_matmul(tape, of_N, *lambda));
+}
+
 lg_var lg_columns_crossed(lg_tape *tape, lg_var a, lg_var b) {
     const uint32_t rows = lg_var_shape(tape, a).dims[0], c = lg_var_shape(tape, a).dims[1];
     const lg_shape matrices = lg_shape3(rows * c, 3, 3);

@@ -20,6 +20,12 @@ lg_var lg_upper_ones(lg_tape *tape, uint32_t n);
  * (1, k, k). The multipliers lambda (B, k, 1) solve (W o q q^T) lambda = q.(W p), where W o q q^T has the
  * elements W_ij q_i.q_j, so that q_i.v_i = 0. */
 lg_var lg_tied_velocity(lg_tape *tape, lg_var W, lg_var q, lg_var p, lg_var *lambda);
+/* The ties q_i.v_i = 0 of directions q (B, k, 3) as the columns of N (B, n, k): N^T v = 0 for the n
+ * velocities v, where those of the directions begin at `first`. */
+lg_var lg_tie_columns(lg_tape *tape, lg_var q, uint32_t first, uint32_t n);
+/* v (B, n, 1) and the multipliers lambda (B, k, 1) of M v + N lambda = P, N^T v = 0, with P (B, n, 1) and M
+ * (B, n, n). W: M^-1 (1, n, n), or LG_NONE; it replaces M. */
+lg_var lg_tied_velocities(lg_tape *tape, lg_var M, lg_var W, lg_var P, lg_var N, lg_var *lambda);
 
 /* The field of a position y[0] and its momentum y[1] as an algebra element: that of the position (rate) and
  * that of the momentum (change), with g = dH[0], v = dH[1].

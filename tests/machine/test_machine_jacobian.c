@@ -1,7 +1,7 @@
 /* Machines: the Jacobian of windows, computed interval by interval, compared with the tape's Jacobian of
  * their residuals.
  * ctest-labels: src/machine */
-#include "support/machine_support.h"
+#include "support/tied_systems.h"
 
 #include "liegrad/fit.h"
 
@@ -32,9 +32,10 @@ static task *make_task(const lg_machine *machine, lg_machine_starts starts, cons
     t->first[PARTS] = ROWS;
     t->u = test_numbers(4, ROWS * 4 * (machine->input_count + 1), -1, 1);
     t->v[2 * machine->velocities + 1] = (double)NAN;
-    for (uint32_t i = 0; i < machine->coordinate_count; i++)
-        for (int k = 0; k < 3 && machine->coordinates[i].kind == LG_COORDINATE_DIRECTION; k++)
-            t->q[machine->positions + 2 + (uint32_t)k] = (double)NAN;
+    lg_machine_offsets of = {0};
+    while (lg_machine_next(machine, &of) && of.directions == 0) continue;
+    for (uint32_t k = 0; k < 3 && of.directions > 0; k++)
+        t->q[machine->positions + of.position + k] = (double)NAN;
     t->problem =
         (lg_machine_problem){.machine = machine,
                              .scheme = lg_scheme_find(scheme),
@@ -177,6 +178,14 @@ TEST("the Jacobian has the derivatives by the starts, each start in its own colu
     see_everything(&rods, add_term(&rods, LG_MACHINE_POTENTIAL, "network"), false, false);
     assert_machine(&rods);
     assert_jacobian(&rods, LG_MACHINE_STARTS_ESTIMATED, "cf4", NULL);
+}
+
+TEST("the Jacobian of machines with directions beside other coordinates agrees with the tape") {
+    for (size_t i = 0; i < LG_COUNT(tied_rows); i++) {
+        const lg_machine machine = tied_machine(tied_rows[i]);
+        assert_jacobian(&machine, LG_MACHINE_STARTS_MEASURED, "cf4", NULL);
+        assert_jacobian(&machine, LG_MACHINE_STARTS_ESTIMATED, "rkmk4", NULL);
+    }
 }
 
 /* A window of so many rows that a plan passes them, of lines and angles. */

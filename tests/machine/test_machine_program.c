@@ -1,6 +1,6 @@
 /* Machines as programs and as models in a control loop, in the units of the log, compared with the recording
  * in scaled units and with closed forms. */
-#include "support/machine_support.h"
+#include "support/tied_systems.h"
 #include "support/model_support.h"
 #include "support/plan_support.h"
 
@@ -179,6 +179,13 @@ TEST("a program equals the recording in the log's units, with every kind of coor
             const lg_machine machine = machine_with(kind, (lg_machine_part)part);
             check_recording(&machine);
         }
+    }
+}
+
+TEST("a program of directions beside other coordinates equals the recording") {
+    for (size_t i = 0; i < LG_COUNT(tied_rows); i++) {
+        const lg_machine machine = tied_machine(tied_rows[i]);
+        if (machine.directions == 1) check_recording(&machine);
     }
 }
 

@@ -485,15 +485,24 @@ static const struct {
     [LG_SPACE_SO3_DUAL] = {body_momentum, 1}, [LG_SPACE_SE3_DUAL] = {body_momenta, 1},
 };
 
+/* Whether this factor R^n has the positions and the next one their momenta. */
+static bool is_first_of_pair(const lg_space *space, size_t f) {
+    const lg_space_factor *at = &space->factor[f];
+    return f + 1 < space->factors && at->kind == LG_SPACE_RN && at[1].kind == LG_SPACE_RN &&
+           at[1].count == at->count;
+}
+
 /* {y, H} for the whole product. */
 static void bracket_velocity(const sample *s, const double *y, const double *d, double *out) {
     for (size_t f = 0; f < s->space->factors;) {
         const lg_space_factor *factor = &s->space->factor[f];
-        const size_t taken = brackets[factor->kind].factors;
+        const bool pair = is_first_of_pair(s->space, f);
+        const size_t taken = pair ? 2 : brackets[factor->kind].factors,
+                     copies = factor->count * (pair ? 2 : 1);
         const lg_space_factor *next = taken == 2 && f + 1 < s->space->factors ? factor + 1 : NULL;
-        if (taken == 0 || (taken == 2 && !(next && next->kind == LG_SPACE_RN && next->count == 3)))
+        if (taken == 0 || (taken == 2 && !pair && !(next && next->kind == LG_SPACE_RN && next->count == 3)))
             fail_msg("%s: the test has no bracket on this space", s->label);
-        brackets[factor->kind].velocity(factor->count, y, d, out);
+        brackets[factor->kind].velocity(copies, y, d, out);
         for (size_t i = 0; i < taken; i++, f++) {
             const lg_space_entry *row = lg_space_kind_entry(s->space->factor[f].kind);
             y += s->space->factor[f].count * row->state;
