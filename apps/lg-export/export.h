@@ -183,12 +183,6 @@ void export_reals(const export_source *source, text *to, const char *array, cons
                   size_t count);
 /* Adds the bytes of numbers to a text; `about` is marked if one of them does not fit the type or is lost. */
 void export_raw(const export_options *options, text *to, text *about, const double *values, size_t count);
-/* Adds `extern const NAME_real NAME_<array>[count]` with its values; a comment stands above them. */
-void export_array(export_source *source, const char *array, const char *comment, const double *values,
-                  size_t count);
-/* Adds `extern const int NAME_<array>[count]` with its values, which must be below 2^31. */
-void export_integers(export_source *source, const char *array, const char *comment, const uint32_t *values,
-                     size_t count);
 /* Rounds a number to the exported type and returns it as double. */
 double export_round(const export_options *options, double value);
 double export_eps(const export_options *options); /* Machine epsilon of the exported type. */

@@ -65,6 +65,11 @@ static bool is_there(const export_model *m, const export_face *face) {
     return all && face->fits(m);
 }
 
+static bool is_hidden(const export_model *m, const export_face *face, size_t k) {
+    return face->functions[k].hidden ||
+           (m->kind->hidden != NULL && strcmp(m->kind->hidden, face->functions[k].function) == 0);
+}
+
 static void choose(export_model *m) {
     for (size_t i = 0; i < LG_COUNT(faces); i++) {
         const export_face *face = faces[i];
@@ -74,7 +79,7 @@ static void choose(export_model *m) {
             if (place_of(m, face->functions[k].function) == m->count)
                 m->functions[m->count++] = (export_function){.function = face->functions[k].function,
                                                              .name = face->functions[k].name,
-                                                             .hidden = face->functions[k].hidden};
+                                                             .hidden = is_hidden(m, face, k)};
     }
 }
 

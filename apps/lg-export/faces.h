@@ -10,7 +10,7 @@
 
 typedef struct export_kind export_kind;
 typedef struct export_face export_face;
-enum { EXPORT_MOST_FACES = 8, EXPORT_MOST_FUNCTIONS = 3 };
+enum { EXPORT_MOST_FACES = 9, EXPORT_MOST_FUNCTIONS = 3 };
 
 /* A model while its C is written. */
 typedef struct export_model {
@@ -73,13 +73,16 @@ struct export_kind {
     size_t (*depth)(const void *contents); /* NULL: the depth of the written functions. */
     /* Fills in the names of the classes and the shape of the window. NULL: the classes have no names. */
     void (*window)(const void *contents, export_window *out);
+    const char *hidden;            /* A function of a face that is static for this kind; NULL: none. */
     void (*tell)(export_model *m); /* Adds lines to source->about. */
 };
 /* The lists of all faces and kinds. A new one needs its name here and its row in a file of its own. Faces are
  * written in this order; the row `other` serves all kinds that have no row. */
 #define EXPORT_FACE_LIST(ROW)                                                                                \
-    ROW(value) ROW(motion) ROW(states) ROW(linearise) ROW(classes) ROW(points) ROW(angle) ROW(nodes)
-#define EXPORT_KIND_LIST(ROW) ROW(hamiltonian) ROW(machine) ROW(surrogate) ROW(table) ROW(detector) ROW(other)
+    ROW(value)                                                                                               \
+    ROW(motion) ROW(states) ROW(linearise) ROW(features) ROW(classes) ROW(points) ROW(angle) ROW(nodes)
+#define EXPORT_KIND_LIST(ROW)                                                                                \
+    ROW(hamiltonian) ROW(machine) ROW(surrogate) ROW(table) ROW(detector) ROW(classifier) ROW(other)
 #define EXPORT_FACE_ROW(name) extern const export_face export_face_##name;
 EXPORT_FACE_LIST(EXPORT_FACE_ROW)
 #define EXPORT_KIND_ROW(name) extern const export_kind export_kind_##name;
@@ -110,6 +113,9 @@ void export_tell_numbers(text *about, const char *what, size_t count, const char
 void export_tell_facts(const export_model *m);
 /* Adds lines about the scheme, and about the condition if it exceeds 1 (motion.c). */
 void export_tell_motion(const export_model *m);
+/* Draws noise for a channel of a window x, rounded so that it is exact both in the exported type and in
+ * float, the type of recorded windows. */
+void export_draw_channel(export_model *m, double mean, double size, size_t channel, double *x);
 /* Computes the scores of golden vector v. Returns false if rounding could change its class (window.c). */
 bool export_draw_classes(export_model *m, size_t v);
 

@@ -64,50 +64,6 @@ void export_raw(const export_options *options, text *to, text *about, const doub
     }
 }
 
-/* ---- arrays ---- */
-
-static void declare(export_source *source, const char *type, const char *array, const char *comment,
-                    size_t count) {
-    lg_text_add(&source->arrays, "extern const %s %s_%s[%zu];\n", type, source->options->name, array, count);
-    lg_text_add(&source->weights, "\nconst %s %s_%s[%zu] = {\n    /* ", type, source->options->name, array,
-                count);
-    lg_text_add_comment(&source->weights, comment);
-    lg_text_add(&source->weights, " */\n");
-}
-
-void export_array(export_source *source, const char *array, const char *comment, const double *values,
-                  size_t count) {
-    char type[80];
-    (void)snprintf(type, sizeof type, "%s_real", source->options->name);
-    declare(source, type, array, comment, count);
-    for (size_t k = 0; k < count; k += 4)
-        lg_text_add_hex_line(&source->weights, source->options->dtype, values + k,
-                             count - k < 4 ? count - k : 4);
-    lg_text_add(&source->weights, "};\n");
-    source->numbers += count;
-}
-
-/* The narrowest type that holds the values; sets *size. */
-static const char *integer_type(const uint32_t *values, size_t count, size_t *size) {
-    uint32_t most = 0;
-    for (size_t i = 0; i < count; i++) most = values[i] > most ? values[i] : most;
-    *size = most <= UINT8_MAX ? 1 : most <= UINT16_MAX ? 2 : sizeof(int);
-    return *size == 1 ? "unsigned char" : *size == 2 ? "unsigned short" : "int";
-}
-
-void export_integers(export_source *source, const char *array, const char *comment, const uint32_t *values,
-                     size_t count) {
-    size_t size;
-    const char *type = integer_type(values, count, &size);
-    if (count == 0) return;
-    declare(source, type, array, comment, count);
-    for (size_t i = 0; i < count; i++)
-        lg_text_add(&source->weights, "%s%lu,%s", i % 10 == 0 ? "    " : " ", (unsigned long)values[i],
-                    i % 10 == 9 || i + 1 == count ? "\n" : "");
-    lg_text_add(&source->weights, "};\n");
-    source->integer_bytes += count * size;
-}
-
 /* ---- rounding, units, provenance ---- */
 
 double export_round(const export_options *options, double value) {

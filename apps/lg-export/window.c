@@ -117,8 +117,10 @@ void export_window_golden(export_source *source, size_t further) {
     source->options = options;
 }
 
-float export_window_number(const export_source *source, double value) {
-    return (float)export_round(source->options, value);
+void export_draw_channel(export_model *m, double mean, double size, size_t channel, double *x) {
+    const size_t length = m->window.names.length;
+    for (size_t i = channel * length; i < (channel + 1) * length; i++)
+        x[i] = (double)(float)export_round(m->source->options, mean + size * lg_rng_normal(&m->rng));
 }
 
 bool export_window_clear(const double *score, uint32_t classes) {

@@ -24,9 +24,6 @@ void export_window_score_words(text *to, const export_window *window);
 /* Allocates the golden vectors; fewer than options->golden if windows are large. `further`: how many further
  * results each will have. */
 void export_window_golden(export_source *source, size_t further);
-/* Rounds a number so that it is exact both in the exported type and in float, the type of recorded
- * windows. */
-float export_window_number(const export_source *source, double value);
 /* Returns whether the best score exceeds all others by more than rounding (1e-3). */
 bool export_window_clear(const double *score, uint32_t classes);
 /* Refuses, with a message, a model whose C code would need indices of 2^31 or more. */

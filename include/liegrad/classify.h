@@ -78,6 +78,7 @@ typedef struct lg_features {
     lg_spectrum spectrum;      /* SPECTRUM: the plan for `bands` */
     lg_rocket rocket;          /* ROCKET */
     double *scale;             /* (channels) divisor of each channel; not used by RAW and STD */
+    lg_plan *plan;             /* of the features of a window */
     uint32_t count;            /* d: number of features */
     const lg_context *context; /* in whose memory the arrays are */
 } lg_features;
@@ -121,17 +122,6 @@ LG_API size_t lg_features_work_size(const lg_features *features);
  * the singular values of the centred and scaled window; its error is a few eps = 2^-52 times its norm.
  * Errors, out is then undefined: LG_NOT_FINITE. */
 LG_API lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work);
-#define LG_NULL_EIGENVALUE 5.684341886080802e-14 /* 2^-44 */
-/* gradient (channels, length) becomes sum_i cotangent[i] d feature_i/dx, at the window for which
- * lg_features_compute was last called with this `work`. Derivatives are 0 with respect to channels that the
- * features do not use, for random convolutions, and where a feature is not differentiable: for a standard
- * deviation of 0, for the root of a covariance within its null space, and for a baseline slope when the
- * deviations of the acceleration are equal. The null space belongs to eigenvalues (squares of singular values
- * of the window) of at most LG_NULL_EIGENVALUE times the largest one. The relative error of the root's
- * derivatives is a few eps = 2^-52 times the ratio of the largest singular value to the smallest one outside
- * the null space. Does nothing if an argument is NULL. */
-LG_API void lg_features_reverse(const lg_features *features, const double *cotangent, double *gradient,
-                                double *work);
 /* Writes the name of feature `index` and returns its length as snprintf does. The names are
  *   "raw acc_lower_x 17" (17 is the index of the sample), "std acc_lower_x", "cov acc_lower_x moment_x",
  *   "band 0.0117-0.0742 acc_lower_x" (the frequencies of the band in cycles per sample),
@@ -381,17 +371,23 @@ LG_API void lg_classifier_score(const lg_classifier *classifier, const double *f
  * lg_features_compute. */
 LG_API lg_status lg_classifier_window(const lg_classifier *classifier, const float *x, double *score,
                                       double *work);
-/* Makes a program of two functions of the `features` f (d) of a window: `scores` gives the scores (classes)
- * of lg_classifier_score, `value` the numbers y that determine them. With K classes y is:
+/* Makes a program. `score` gives the scores (classes) of lg_classifier_score from the `features` f (d) of a
+ * window, `decide` the numbers y that determine them. From a `window` (channels, length) `features` gives f,
+ * `probability` the scores, `value` y, and `grad` y and its derivatives (y, channels length); these four are
+ * left out if the classifier has no features. With K classes y is:
  *   logistic  the logits: 1 number for two classes (the logit of class 1), else K
  *   tree      the fractions of the classes in the leaf (K)
  *   ridge     the scores of lg_ridge_fit: 1 number for two classes, else K
  *   svm       the decisions of the pairs (i, j), i < j: K (K - 1)/2 numbers, positive for class i. For K > 2
  *             the decision is 1 if only i has support vectors, -1 if only j has, and 0 if neither has
- * The derivative of y by f is LG_DERIVATIVE_ADJOINT of `value` (not for trees, where it is 0);
- * lg_features_reverse continues to the window. The parameter `eps` is by how much the scores of an SVM are
- * raised; set it to FLT_EPSILON for single precision. Errors: LG_INVALID_ARGUMENT (not fitted), the errors of
- * lg_program_build. */
+ * Derivatives are 0 for trees and random convolutions, with respect to channels that the features do not use,
+ * and where a feature is not differentiable: for a standard deviation of 0, for the root of a covariance
+ * within its null space, and for a baseline slope when the deviations of the acceleration are equal. The
+ * null space belongs to singular values of the window of at most 2^-22 times the largest one. The relative
+ * error of the root's derivatives is a few eps = 2^-52 times the ratio of the largest singular value to the
+ * smallest one outside the null space. The parameter `eps` is the relative distance of neighbouring
+ * numbers; set it to FLT_EPSILON for single precision. Errors: LG_INVALID_ARGUMENT (not fitted), the errors
+ * of lg_program_build. */
 LG_API lg_status lg_classifier_program(const lg_context *context, const lg_classifier *classifier,
                                        lg_program **out, lg_error *error);
 /* Save and load the arrays and texts below "classifier/" of an archive (liegrad/core.h). lg_classifier_load

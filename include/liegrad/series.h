@@ -155,9 +155,8 @@ typedef struct lg_spectrum {
     uint32_t bins, bands;                 /* bins: segment/2, without bin 0 */
     uint32_t edge[LG_SPECTRUM_BANDS + 1]; /* band b has the bins edge[b] .. edge[b + 1] - 1 */
     /* (segment, 2 bins): row t has h_t cos(2 pi k t/n) for all bins k, then h_t sin(2 pi k t/n), where h is
-     * the taper (segment): Hann's window over its norm, sum h_t^2 = 1. The others (segment) are
-     * cos(2 pi t/n) and sin(2 pi t/n). */
-    double *wave, *taper, *cosine, *sine;
+     * Hann's window over its norm, sum h_t^2 = 1. */
+    double *wave;
     const lg_context *context; /* in whose memory `wave` is */
 } lg_spectrum;
 

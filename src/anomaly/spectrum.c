@@ -37,17 +37,12 @@ static void fill(lg_spectrum *s) {
     const uint32_t n = s->segment, bins = s->bins;
     double power = 0;
     for (uint32_t t = 0; t < n; t++) power += hann(t, n) * hann(t, n);
-    for (uint32_t t = 0; t < n; t++) {
-        const double angle = 2 * PI * t / n;
-        s->taper[t] = hann(t, n) / sqrt(power);
-        s->cosine[t] = cos(angle);
-        s->sine[t] = sin(angle);
-    }
     for (uint32_t t = 0; t < n; t++)
         for (uint32_t k = 1; k <= bins; k++) {
-            const size_t at = (uint64_t)k * t % n, place = (size_t)t * 2 * bins + k - 1;
-            s->wave[place] = s->taper[t] * s->cosine[at];
-            s->wave[place + bins] = s->taper[t] * s->sine[at];
+            const double angle = 2 * PI * (double)((uint64_t)k * t % n) / n, taper = hann(t, n) / sqrt(power);
+            const size_t place = (size_t)t * 2 * bins + k - 1;
+            s->wave[place] = taper * cos(angle);
+            s->wave[place + bins] = taper * sin(angle);
         }
 }
 
@@ -60,11 +55,8 @@ lg_status lg_spectrum_create(const lg_context *context, uint32_t length, uint32_
                        lg_spectrum_bands(length, LG_SPECTRUM_BANDS));
     lg_spectrum s = {.context = context};
     cut(length, bands, &s);
-    s.wave = lg_alloc(context, (size_t)s.segment * (2 * s.bins + 3), sizeof *s.wave);
+    s.wave = lg_alloc(context, (size_t)s.segment * 2 * s.bins, sizeof *s.wave);
     if (s.wave == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a spectrum");
-    s.taper = s.wave + (size_t)s.segment * 2 * s.bins;
-    s.cosine = s.taper + s.segment;
-    s.sine = s.cosine + s.segment;
     fill(&s);
     *out = s;
     return LG_OK;

@@ -15,8 +15,8 @@ typedef lg_status lg_recording(void *user, lg_tape *tape, const lg_var *theta, c
 /* Records y[0] = value(x) (B, outputs) and y[1], its Jacobian (B, outputs, numbers of a row of x), of which a
  * batch computes all rows at once: `value` at a copy of x for each output, and one sweep in reverse; with
  * `forward` at a copy for each number of x. */
-lg_status lg_record_gradient(lg_recording *value, void *user, lg_tape *tape, const lg_var *theta,
-                             const lg_var *x, bool forward, lg_var *y);
+LG_API lg_status lg_record_gradient(lg_recording *value, void *user, lg_tape *tape, const lg_var *theta,
+                                    const lg_var *x, bool forward, lg_var *y);
 LG_API lg_var lg_record_softmax(lg_tape *tape, lg_var y); /* of each row */
 /* The rows `samples` (shape.dims[0]) of `values`, numbers of the type `from`, as a variable of this shape and
  * of the tape's type. */

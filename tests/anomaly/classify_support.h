@@ -38,7 +38,7 @@ static inline void scores_alone(const lg_classifier *model, const double *x, siz
     c.pca = (lg_pca){.inputs = d, .mean = TEST_ARRAY(double, d), .scale = TEST_ARRAY(double, d)};
     for (uint32_t j = 0; j < d; j++) c.pca.scale[j] = 1;
     assert_ok(lg_classifier_program(NULL, &c, &program, NULL));
-    assert_ok(lg_program_find(program, "scores", &at, NULL));
+    assert_ok(lg_program_find(program, "score", &at, NULL));
     lg_plan_options_init(&options);
     options.rows = n;
     assert_ok(lg_plan_create(program, at, &options, &plan, NULL));

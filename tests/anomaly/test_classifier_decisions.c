@@ -6,6 +6,8 @@
 #include "classify_support.h"
 #include "support/decisions.h"
 
+#include "anomaly/classify/features.h"
+
 #include "liegrad/series.h"
 
 enum { WINDOWS = 60, CHANNELS = 6, LENGTH = 50, MOST_OUTPUTS = 8 };
@@ -81,13 +83,23 @@ static lg_status decide(const chain *f, const float *x, double *y, double *jacob
     return test_decide(&f->c, &decider, x, y, jacobian);
 }
 
-/* The whole Jacobian. */
+/* After a change of the scales. */
+static void scale_again(chain *f) {
+    lg_plan_destroy(f->c.features.plan);
+    assert_ok(lg_features_ready(&f->c.features, NULL));
+    test_make_decider(&f->c, &f->decider);
+}
+
+/* The whole Jacobian. Without it the same function gives the same decisions. */
 static double *jacobian_of(const chain *f, const float *x, double *y) {
     const size_t count = f->outputs * f->inputs;
+    const test_decider *d = &f->decider;
     double *jacobian = TEST_ARRAY(double, count), plain[MOST_OUTPUTS];
     for (size_t i = 0; i < count; i++) jacobian[i] = NAN;
     assert_ok(decide(f, x, y, jacobian));
     for (size_t i = 0; i < count; i++) assert_true(isfinite(jacobian[i]));
+    lg_plan_eval(d->grad, (const void *const[]){d->window}, (void *const[]){plain, NULL}, d->memory);
+    assert_memory_equal(plain, d->y, f->outputs * sizeof *y);
     assert_ok(decide(f, x, plain, NULL));
     assert_memory_equal(plain, y, f->outputs * sizeof *y);
     return jacobian;
@@ -290,6 +302,7 @@ TEST("identical channels have the derivative of the projection") {
         f->c.features.scale[c] = 1.0;
         memcpy(x + c * LENGTH, x, LENGTH * sizeof *x);
     }
+    scale_again(f);
     double *jacobian = jacobian_of(f, x, y);
     for (size_t i = 0, at = 0; i < M; i++)
         for (size_t j = i; j < M; j++, at++) {
@@ -335,6 +348,7 @@ TEST("derivatives are accurate even if the singular values differ by a factor of
             assert_true((double)x[i * N + t] == sum);
         }
     }
+    scale_again(f);
     double *jacobian = jacobian_of(f, x, y);
     for (unsigned i = 0, at = 0; i < M; i++)
         for (unsigned j = i; j < M; j++, at++) {

@@ -1,8 +1,10 @@
 /* Cases of the gradient check: row-wise vector products, solves, functions of the rotation angle, Lie
  * groups. */
 #include "gradcheck/rows.h"
+#include "autodiff/ops/covariance.h"
 #include "autodiff/ops/lie.h"
 #include "autodiff/ops/op_rows.h"
+#include "autodiff/ops/rocket.h"
 
 #include <math.h>
 
@@ -30,6 +32,34 @@ BUILD(build_spd_factor) {
     lg_var a = definite(t, x[0], 2);
     (void)user;
     return lg_record(t, &lg_op_spd_factor, &a, 1, NULL);
+}
+/* The adjoint of the root has a solution of S X + X S = W. */
+BUILD_BINARY(centre)
+BUILD(build_covariance) {
+    SETTINGS;
+    const lg_var factor = lg_input_f64(t, lg_shape1(3), (const double[]){1.5, -0.5, 0.25});
+    return lg_covariance(t, x[0], factor, x[s->i[1]], (uint32_t)s->i[0]);
+}
+BUILD(build_covariance_root) {
+    (void)user;
+    const double factor[] = {1.5, 0.5, 2};
+    return lg_covariance_root(t, x[0], lg_input_f64(t, lg_shape1(lg_var_shape(t, x[0]).dims[1]), factor));
+}
+BUILD(build_lyapunov) {
+    lg_var in[2] = {definite(t, x[0], 3), x[1]};
+    (void)user;
+    return lg_record(t, &lg_op_lyapunov, in, 2, NULL);
+}
+/* Two convolutions of two channels of nine samples. */
+BUILD(build_rocket) {
+    static const lg_rocket_row rows[] = {{3, 1, 1, 2, 2}, {90, 1, 0, 1, 1}};
+    static const uint32_t channels[] = {0, 3, 2};
+    const lg_rocket_table table = {rows, channels, 2, 3};
+    const lg_var mean = lg_input_f64(t, lg_shape1(2), (const double[]){0.125, -0.25}),
+                 inverse = lg_input_f64(t, lg_shape1(2), (const double[]){1.5, 0.75}),
+                 bias = lg_input_f64(t, lg_shape1(3), (const double[]){0.25, -0.5, 1});
+    (void)user;
+    return lg_rocket_record(t, x[0], mean, inverse, bias, &table);
 }
 #define SPD_ROW(label, k, m)                                                                                 \
     ROW("spd_solve k = " label, "spd_solve", build_spd_solve, WITH(.i = {k}),                                \
@@ -89,6 +119,21 @@ static const lg_gradcheck_case rows[] = {
     ROW("cross (3)", "cross", build_cross, INPUTS(ANY(S1(3)), ANY(S1(3)))),
     ROW("cross of x and x^2", "cross", build_cross_self, INPUTS(ANY(S2(4, 3)))),
     ROW_STOPS("spd_factor", "spd_factor", build_spd_factor, INPUTS(IN_RANGE(-0.5, 0.5, S3(3, 2, 2)))),
+    ROW("centre (2, 3, 11), 2 parts", "centre", build_centre, INPUTS(ANY(S3(2, 3, 11)), ANY(S3(2, 3, 2)))),
+    ROW("centre, a batch of 1", "centre", build_centre, INPUTS(ANY(S3(1, 3, 9)), ANY(S3(2, 3, 1)))),
+    ROW("centre, factors of 1", "centre", build_centre, INPUTS(ANY(S3(2, 1, 5)), ANY(S3(1, 1, 2)))),
+    ROW("covariance (2, 3, 11), 3 parts", "covariance", build_covariance, WITH(.i = {3}),
+        INPUTS(ANY(S3(2, 3, 11)))),
+    ROW("covariance of two", "covariance", build_covariance, WITH(.i = {2, 1}),
+        INPUTS(ANY(S3(2, 3, 9)), ANY(S3(2, 3, 9)))),
+    ROW("covariance of two, a batch of 1", "covariance", build_covariance, WITH(.i = {1, 1}),
+        INPUTS(ANY(S3(1, 3, 9)), ANY(S3(2, 3, 9)))),
+    ROW("covariance_root (2, 3, 5)", "covariance_root", build_covariance_root, INPUTS(ANY(S3(2, 3, 5)))),
+    ROW("covariance_root (1, 2, 200)", "covariance_root", build_covariance_root, INPUTS(ANY(S3(1, 2, 200)))),
+    ROW("covariance_root (1, 1, 3)", "covariance_root", build_covariance_root, INPUTS(ANY(S3(1, 1, 3)))),
+    ROW("lyapunov (2, 3, 3)", "lyapunov", build_lyapunov,
+        INPUTS(IN_RANGE(-0.5, 0.5, S3(2, 3, 3)), ANY(S3(2, 3, 3)))),
+    ROW_STOPS("rocket (2, 2, 9)", "rocket", build_rocket, INPUTS(ANY(S3(2, 2, 9)))),
     SPD_ROW("1", 1, 2),
     SPD_ROW("2", 2, 2),
     SPD_ROW("3", 3, 1),

@@ -419,6 +419,11 @@ static const attack attacks[] = {
     {"act_derivative", 2, {{1, {4}}, {1, {4}}}, {1, {4}}, {1, 9, 1, 0}, 0, REFUSED},
     {"act_derivative", 2, {{1, {4}}, {1, {4}}}, {1, {4}}, {1, 2, 1, 1}, 0, REFUSED},
     {"stumpff", 1, {{2, {3, 1}}}, {2, {3, 10}}, {9, 0, 0, 0}, 0, REFUSED},
+    {"centre", 2, {{3, {1, 2, 3}}, {3, {1, 2, 4}}}, {3, {1, 2, 3}}, {0, 0, 0, 0}, 0, REFUSED},
+    {"covariance", 3, {{3, {1, 2, 3}}, {1, {2}}}, {3, {1, 2, 4}}, {4, 0, 0, 0}, 0, REFUSED},
+    {"covariance", 3, {{3, {1, 2, 3}}, {1, {3}}}, {3, {1, 2, 1}}, {1, 0, 0, 0}, 0, REFUSED},
+    {"covariance_root", 2, {{3, {1, 2, 3}}, {1, {2}}}, {3, {1, 3, 3}}, {0, 0, 0, 0}, 0, REFUSED},
+    {"lyapunov", 2, {{3, {1, 2, 2}}, {3, {1, 2, 3}}}, {3, {1, 2, 2}}, {0, 0, 0, 0}, 0, REFUSED},
     {"stumpff", 1, {{2, {3, 1}}}, {2, {3, 3}}, {2, 9, 0, 0}, 0, REFUSED},
     {"dexpinv_coef", 1, {{2, {3, 1}}}, {2, {3, 1}}, {0, 9, 0, 0}, 0, REFUSED},
     {"lie", 2, {{2, {3, 3}}, {2, {3, 3}}}, {2, {3, 3}}, {5, 0, 0, 0}, 0, REFUSED},
@@ -435,7 +440,7 @@ static const attack attacks[] = {
 };
 
 static lg_status attack_with(const attack *a, lg_program *program, lg_error *error) {
-    static const uint32_t edges[2] = {0, 1}, indices[2] = {0, 4};
+    static const uint32_t edges[3] = {0, 1, 0}, indices[2] = {0, 4};
     const uint32_t result = a->what == REFUSED_ASIDE ? 0 : 2;
     static const char *const names[2] = {"a", "b"};
     lg_port in[2], out = {.name = "y", .shape = a->what == REFUSED_ASIDE ? a->in[0] : a->out, .shared = true};

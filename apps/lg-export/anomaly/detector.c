@@ -66,12 +66,9 @@ static void tell(export_model *m) {
 static void draw(export_model *m, double *x, size_t v) {
     const lg_detector_file *file = m->file->contents;
     const lg_scaler *scaler = &file->scaler;
-    const size_t length = file->run.model.net.length;
     for (size_t c = 0; c < scaler->channels; c++) {
         const double offset = file->run.model.centred ? scaler->scale[c] * lg_rng_normal(&m->rng) : 0;
-        for (size_t i = c * length; i < (c + 1) * length; i++)
-            x[i] = (double)export_window_number(m->source, scaler->mean[c] + offset +
-                                                               scaler->scale[c] * lg_rng_normal(&m->rng));
+        export_draw_channel(m, scaler->mean[c] + offset, scaler->scale[c], c, x);
     }
 }
 

@@ -1,6 +1,6 @@
 /* Saving and loading of classifiers in archives. The same lists name the stored items for reading and for
  * writing. The reader checks all sizes before it allocates, and all values afterwards. */
-#include "anomaly/classify/classify_internal.h"
+#include "anomaly/classify/features.h"
 #include "core/stored.h"
 
 #include <math.h>
@@ -182,7 +182,8 @@ static lg_status check_features(const lg_classifier *c, lg_error *error) {
     for (uint32_t i = 0; i < 2 * f->pairs; i++)
         if (f->pair[i] >= f->channels)
             return wrong(error, "features/pair", "names a channel that does not exist");
-    const char *what = f->rocket.count > 0 ? lg_rocket_check(f) : NULL;
+    const lg_rocket_table table = lg_rocket_table_of(&f->rocket);
+    const char *what = table.count > 0 ? lg_rocket_check(&table, f->selected, f->length, f->count) : NULL;
     return what == NULL ? LG_OK : wrong(error, "rocket/convolution", what);
 }
 
@@ -254,9 +255,9 @@ static lg_status read_classifier(const lg_context *context, const lg_archive_rea
     if (c->features.bands > 0)
         LG_TRY(
             lg_spectrum_create(context, c->features.length, c->features.bands, &c->features.spectrum, error));
-    if (c->method == LG_METHOD_TREE) return check_tree(context, &c->tree, *nodes, error);
-    if (lg_method_is_svm(c->method)) return check_svm(&c->svm, error);
-    return LG_OK;
+    if (c->method == LG_METHOD_TREE) LG_TRY(check_tree(context, &c->tree, *nodes, error));
+    if (lg_method_is_svm(c->method)) LG_TRY(check_svm(&c->svm, error));
+    return c->features.count > 0 ? lg_features_ready(&c->features, error) : LG_OK;
 }
 
 /* Clears the models of the other methods; only their sizes have been set. */

@@ -1,4 +1,4 @@
-/* What a classifier computes from the features f (d) of a window, as a program:
+/* What a classifier computes from a window, by way of its features f (d), as a program:
  *   z = (f - mean) inverse components     (d, k); without principal components z = (f - mean) inverse
  *   y = z weight^T + bias                 logistic and ridge regression
  *   y = z (weight vector)^T + bias        SVM with the linear kernel, weight (pairs, vectors)
@@ -8,7 +8,7 @@
 #include <float.h>
 #include <string.h>
 
-#include "anomaly/classify/classify_internal.h"
+#include "anomaly/classify/features.h"
 #include "autodiff/program/program.h"
 #include "liegrad/ops.h"
 #include "model/record.h"
@@ -80,7 +80,6 @@ static void put_pair(chain *ch, size_t i, size_t j, size_t pair) {
 }
 
 static void add_svm(chain *ch) {
-    static const double eps = DBL_EPSILON;
     const lg_svm *s = &ch->c->svm;
     const size_t classes = s->classes, pairs = classes * (classes - 1) / 2;
     give(ch, VECTOR, s->vectors, s->inputs, s->vector);
@@ -88,7 +87,6 @@ static void add_svm(chain *ch) {
     (void)make(ch, BIAS, 1, pairs);
     (void)make(ch, SIGN, pairs, classes);
     (void)make(ch, LIVING, 1, pairs);
-    give(ch, EPS, 1, 1, &eps);
     double *present = make(ch, PRESENT, 1, classes), *order = make(ch, ORDER, 1, classes);
     for (size_t i = 0, pair = 0; i < classes && !ch->failed; i++) {
         present[i] = s->vectors_of[i] > 0;
@@ -112,10 +110,12 @@ static void add_tree(chain *ch) {
 }
 
 static void add_parameters(chain *ch) {
+    static const double eps = DBL_EPSILON;
     const lg_classifier *c = ch->c;
     const lg_logistic *l = &c->logistic;
     const size_t outputs = c->classes == 2 ? 1 : c->classes;
     for (int i = 0; i < PARAMETERS; i++) ch->parameter[i] = (lg_parameter_spec){names[i], lg_shape1(1), NULL};
+    ch->parameter[EPS].values = &eps;
     add_standardisation(ch);
     if (c->method == LG_METHOD_TREE) {
         add_tree(ch);
@@ -187,7 +187,7 @@ static lg_status fractions(lg_tape *t, const lg_tree *tree, const lg_var *w, lg_
     return LG_OK;
 }
 
-static lg_status value(void *user, lg_tape *t, const lg_var *w, const lg_var *f, lg_var *y) {
+static lg_status decide(void *user, lg_tape *t, const lg_var *w, const lg_var *f, lg_var *y) {
     const chain *ch = user;
     const lg_classifier_method method = ch->c->method;
     const lg_var z = standardised(t, ch, w, f[0]);
@@ -219,9 +219,9 @@ static lg_var votes(lg_tape *t, const lg_classifier *c, const lg_var *w, lg_var 
     return lg_select(t, first, lg_select(t, lg_ge(t, score, top), score, raised), score);
 }
 
-static lg_status scores(void *user, lg_tape *t, const lg_var *w, const lg_var *f, lg_var *out) {
+static lg_status score(void *user, lg_tape *t, const lg_var *w, const lg_var *f, lg_var *out) {
     const lg_classifier *c = ((const chain *)user)->c;
-    const lg_var y = lg_program_call(t, "value", 0, f);
+    const lg_var y = lg_program_call(t, "decide", 0, f);
     const bool svm = lg_method_is_svm(c->method), logistic = c->method == LG_METHOD_LOGISTIC;
     if (c->method == LG_METHOD_TREE)
         out[0] = y;
@@ -233,26 +233,52 @@ static lg_status scores(void *user, lg_tape *t, const lg_var *w, const lg_var *f
     return LG_OK;
 }
 
+/* ---- from the window ---- */
+
+static lg_status features(void *user, lg_tape *t, const lg_var *w, const lg_var *x, lg_var *f) {
+    const lg_features *of = &((const chain *)user)->c->features;
+    f[0] = lg_feature_rows[of->kind]->record(t, of, w[EPS], x[0]);
+    return lg_tape_status(t);
+}
+
+static lg_status value(void *user, lg_tape *t, const lg_var *w, const lg_var *x, lg_var *y) {
+    lg_var f;
+    LG_TRY(features(user, t, w, x, &f));
+    return decide(user, t, w, &f, y);
+}
+
+static lg_status gradient(void *user, lg_tape *t, const lg_var *w, const lg_var *x, lg_var *y) {
+    return lg_record_gradient(value, user, t, w, x, false, y);
+}
+
+static lg_status probability(void *user, lg_tape *t, const lg_var *w, const lg_var *x, lg_var *out) {
+    const lg_var f = lg_program_call(t, "features", 0, x);
+    out[0] = lg_program_call(t, "score", 0, &f);
+    return lg_tape_status(t);
+}
+
 /* ---- the program ---- */
 
-lg_status lg_classifier_program(const lg_context *context, const lg_classifier *classifier, lg_program **out,
-                                lg_error *error) {
-    LG_NEEDS(error, classifier, out);
-    if (classifier->pca.inputs == 0 || (unsigned)classifier->method >= LG_METHOD_COUNT)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "the classifier is not fitted");
+/* The functions of features alone, or those of windows as well. */
+static lg_status build(const lg_context *context, const lg_classifier *classifier, bool windows,
+                       lg_program **out, lg_error *error) {
+    const lg_features *f = &classifier->features;
     chain ch = {.c = classifier};
-    const lg_port features = {.name = "features", .shape = lg_shape1(classifier->pca.inputs)};
-    const lg_port y = {.name = "y"}, score = {.name = "scores"};
-    const lg_function_spec functions[] = {{"value", &features, 1, &y, 1, value, &ch},
-                                          {"scores", &features, 1, &score, 1, scores, &ch}};
+    const lg_port x = {.name = "window", .shape = lg_shape2(f->channels, f->length)};
+    const lg_port from = {.name = "features", .shape = lg_shape1(classifier->pca.inputs)};
+    const lg_port y[] = {{.name = "y"}, {.name = "g"}}, scores = {.name = "scores"};
+    const lg_function_spec functions[] = {
+        {"decide", &from, 1, y, 1, decide, &ch},      {"score", &from, 1, &scores, 1, score, &ch},
+        {"features", &x, 1, &from, 1, features, &ch}, {"value", &x, 1, y, 1, value, &ch},
+        {"grad", &x, 1, y, 2, gradient, &ch},         {"probability", &x, 1, &scores, 1, probability, &ch}};
     lg_program_spec spec;
     lg_program_spec_init(&spec);
     add_parameters(&ch);
     spec.parameters = ch.parameter;
     spec.parameter_count = PARAMETERS;
     spec.functions = functions;
-    spec.function_count = LG_COUNT(functions);
-    spec.description = "a classifier of the features of a window";
+    spec.function_count = windows ? LG_COUNT(functions) : 2;
+    spec.description = "a classifier of windows by their features";
     const lg_status status =
         ch.failed ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the parameters of a classifier")
                   : lg_program_build(context, &spec, out, error);
@@ -260,14 +286,22 @@ lg_status lg_classifier_program(const lg_context *context, const lg_classifier *
     return status;
 }
 
+lg_status lg_classifier_program(const lg_context *context, const lg_classifier *classifier, lg_program **out,
+                                lg_error *error) {
+    LG_NEEDS(error, classifier, out);
+    if (classifier->pca.inputs == 0 || (unsigned)classifier->method >= LG_METHOD_COUNT)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the classifier is not fitted");
+    return build(context, classifier, classifier->features.count == classifier->pca.inputs, out, error);
+}
+
 lg_status lg_classifier_ready(const lg_context *context, lg_classifier *classifier, lg_error *error) {
     LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
     lg_plan_options options;
-    size_t scores;
+    size_t at;
     if (classifier->method == LG_METHOD_TREE) return LG_OK; /* a plan would visit all nodes */
-    LG_TRY(lg_classifier_program(context, classifier, &program, error));
+    LG_TRY(build(context, classifier, false, &program, error));
     lg_plan_options_init(&options);
     options.max_size = SIZE_MAX;
-    LG_TRY(lg_program_find(program, "scores", &scores, error));
-    return lg_plan_create(program, scores, &options, &classifier->scores, error);
+    LG_TRY(lg_program_find(program, "score", &at, error));
+    return lg_plan_create(program, at, &options, &classifier->scores, error);
 }

@@ -3,6 +3,7 @@
 #define LG_CLASSIFY_INTERNAL_H
 
 #include "core/clean.h"
+#include "kernels/kernels.h"
 #include "liegrad/classify.h"
 
 /* Largest number of features per window. */
@@ -20,23 +21,8 @@ static inline bool lg_method_is_svm(lg_classifier_method method) {
     return method == LG_METHOD_SVM_LINEAR || method == LG_METHOD_SVM_RBF;
 }
 
-/* Sum of a_i b_i by eight interleaved partial sums, so that the result has the same bits for any
- * alignment. */
 static inline double lg_dot(const double *a, const double *b, size_t n) {
-    double lane[8] = {0};
-    size_t i = 0;
-    for (; i + 8 <= n; i += 8)
-        for (size_t j = 0; j < 8; j++) lane[j] += a[i + j] * b[i + j];
-    for (size_t j = 0; i < n; i++, j++) lane[j] += a[i] * b[i];
-    return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
-}
-static inline double lg_sum_of(const double *a, size_t n) {
-    double lane[8] = {0};
-    size_t i = 0;
-    for (; i + 8 <= n; i += 8)
-        for (size_t j = 0; j < 8; j++) lane[j] += a[i + j];
-    for (size_t j = 0; i < n; i++, j++) lane[j] += a[i];
-    return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
+    return lg_kernels_for(LG_F64)->dot(n, a, b);
 }
 
 /* Checks that every fit makes on its table. lg_check_table: the sizes fit LAPACK's integers and all numbers
@@ -48,9 +34,6 @@ lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, uin
 
 /* Means (d) of the columns of a table (n, d). */
 void lg_column_means(const double *x, size_t n, size_t d, double *mean);
-
-/* Checks convolutions that were read from a file. Returns NULL, or what is wrong with their table. */
-const char *lg_rocket_check(const lg_features *features);
 
 /* Copies a tree into depth-first order, left before right. A node with cut[i] becomes a leaf, and the nodes
  * below it are dropped. cut = NULL copies all nodes. */

@@ -1,19 +1,19 @@
-/* Features of windows: the table of kinds and the choice of channels. Computation, derivative and names of
- * each kind are in features_code.c and features_rocket.c. */
+/* Features of windows: the table of kinds and the choice of channels. Recording and names of each kind are in
+ * features_kinds.c and features_rocket.c. */
 #include "anomaly/classify/features.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-static const lg_feature_row *const kinds[LG_FEATURE_KIND_COUNT] = {
+const lg_feature_row *const lg_feature_rows[LG_FEATURE_KIND_COUNT] = {
     [LG_FEATURES_RAW] = &lg_feature_raw,           [LG_FEATURES_STD] = &lg_feature_std,
     [LG_FEATURES_COV] = &lg_feature_cov,           [LG_FEATURES_SPECTRUM] = &lg_feature_spectrum,
     [LG_FEATURES_BASELINE] = &lg_feature_baseline, [LG_FEATURES_ROCKET] = &lg_feature_rocket,
 };
 
 const char *lg_feature_kind_name(lg_feature_kind kind) {
-    return (unsigned)kind < LG_FEATURE_KIND_COUNT ? kinds[kind]->name : "unknown";
+    return (unsigned)kind < LG_FEATURE_KIND_COUNT ? lg_feature_rows[kind]->name : "unknown";
 }
 
 /* ---- choice of channels ---- */
@@ -61,7 +61,7 @@ static void choose_channels(const lg_series *series, bool directions_x, lg_featu
 }
 
 uint64_t lg_features_count(const lg_features *f) {
-    return kinds[f->kind]->sizes(f).count;
+    return lg_feature_rows[f->kind]->count(f);
 }
 
 static lg_status check_create(lg_feature_kind kind, const lg_series *series, uint32_t length,
@@ -74,11 +74,11 @@ static lg_status check_create(lg_feature_kind kind, const lg_series *series, uin
     if (series->channels > LG_FEATURES_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "there are %u channels; at most %u are possible",
                        series->channels, LG_FEATURES_MAX);
-    if (length < kinds[kind]->segments)
+    if (length < lg_feature_rows[kind]->segments)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a window of %u samples is too short for the baseline, which cuts it into %u parts",
-                       length, kinds[kind]->segments);
-    if (kinds[kind]->bands > 0 && lg_spectrum_bands(length, kinds[kind]->bands) == 0)
+                       length, lg_feature_rows[kind]->segments);
+    if (lg_feature_rows[kind]->bands > 0 && lg_spectrum_bands(length, lg_feature_rows[kind]->bands) == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a window of %u samples is too short for a spectrum, which needs 4 at least", length);
     if (scaler == NULL) return LG_OK;
@@ -121,8 +121,8 @@ lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, boo
     if (LG_ALLOC_ALL(context, LG_ARRAY(f.select, f.channels), LG_ARRAY(f.pair, 2 * (size_t)f.channels),
                      LG_ARRAY(f.scale, f.channels)) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the features of %u channels", f.channels);
-    f.segments = kinds[kind]->segments;
-    f.bands = lg_spectrum_bands(length, kinds[kind]->bands);
+    f.segments = lg_feature_rows[kind]->segments;
+    f.bands = lg_spectrum_bands(length, lg_feature_rows[kind]->bands);
     for (uint32_t i = 0; i < f.channels; i++) f.scale[i] = scaler != NULL ? scaler->scale[i] : 1.0;
     choose_channels(series, directions_x, &f);
     LG_TRY(check_made(&f, directions_x, error));
@@ -137,52 +137,23 @@ lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bo
     if (kind == LG_FEATURES_ROCKET)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "random convolution features depend on training windows: take lg_rocket_fit");
-    LG_TRY(lg_features_begin(context, kind, directions_x, series, length, scaler, out, error));
-    out->count = (uint32_t)lg_features_count(out);
-    return LG_OK;
+    LG_CLEAN(lg_features_destroy) lg_features f = {0};
+    LG_TRY(lg_features_begin(context, kind, directions_x, series, length, scaler, &f, error));
+    f.count = (uint32_t)lg_features_count(&f);
+    LG_TRY(lg_features_ready(&f, error));
+    return LG_GIVE(out, f);
 }
 
 void lg_features_destroy(lg_features *features) {
     if (features == NULL) return;
     LG_FREE_ALL(features->context, features->select, features->pair, features->scale);
     lg_spectrum_destroy(&features->spectrum);
+    lg_plan_destroy(features->plan);
     lg_rocket_destroy(features->context, &features->rocket);
     *features = (lg_features){0};
 }
 
-/* ---- calls of the kind's functions ---- */
-
-static size_t window_size(const lg_features *f) {
-    return (size_t)f->channels * f->length;
-}
-
-size_t lg_features_work_size(const lg_features *f) {
-    const lg_feature_row *kind = kinds[f->kind];
-    return (kind->sizes(f).work + (kind->code != NULL ? window_size(f) : 0)) * sizeof(double);
-}
-
-lg_status lg_features_compute(const lg_features *features, const float *x, double *out, double *work) {
-    LG_NEEDS(NULL, features, x, out, work);
-    const lg_feature_row *kind = kinds[features->kind];
-    const size_t n = window_size(features);
-    for (size_t i = 0; i < n && kind->code != NULL; i++) work[i] = (double)x[i];
-    if (kind->code != NULL)
-        kind->code(features, work, out, work + n);
-    else
-        LG_TRY(kind->compute(features, x, out, work));
-    for (uint32_t i = 0; i < features->count; i++)
-        if (!isfinite(out[i])) return LG_NOT_FINITE;
-    return LG_OK;
-}
-
-void lg_features_reverse(const lg_features *features, const double *cotangent, double *gradient,
-                         double *work) {
-    if (features == NULL || cotangent == NULL || gradient == NULL || work == NULL) return;
-    const lg_feature_row *kind = kinds[features->kind];
-    const size_t n = window_size(features);
-    memset(gradient, 0, n * sizeof *gradient);
-    if (kind->vjp != NULL) kind->vjp(features, work, cotangent, gradient, work + n);
-}
+/* ---- names ---- */
 
 int lg_channel_name(const lg_series *series, uint32_t channel, char *text, size_t size) {
     if (series != NULL && channel < series->channels && has_names(series) &&
@@ -193,5 +164,5 @@ int lg_channel_name(const lg_series *series, uint32_t channel, char *text, size_
 
 int lg_features_name(const lg_features *f, const lg_series *series, uint32_t index, char *text, size_t size) {
     if (index >= f->count) return snprintf(text, size, "unknown");
-    return kinds[f->kind]->describe(f, series, index, text, size);
+    return lg_feature_rows[f->kind]->describe(f, series, index, text, size);
 }

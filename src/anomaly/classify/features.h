@@ -4,11 +4,24 @@
 #define LG_CLASSIFY_FEATURES_H
 
 #include "anomaly/classify/classify_internal.h"
+#include "autodiff/ops/rocket.h"
 
-/* Number of features; length of `work` in doubles. */
-typedef struct lg_feature_sizes {
-    uint64_t count, work;
-} lg_feature_sizes;
+/* The channels that the features are computed from: how many, and number i. They are the selected ones, or of
+ * pairs all accelerations, then all moments. */
+static inline uint32_t lg_features_channels(const lg_features *f) {
+    return f->segments == 0 ? f->selected : 2 * f->pairs;
+}
+static inline uint32_t lg_features_channel(const lg_features *f, uint32_t i) {
+    return f->segments == 0 ? f->select[i] : f->pair[2 * (i % f->pairs) + i / f->pairs];
+}
+/* `all`, if it is not LG_NONE, and `part` behind it along axis 1. */
+static inline lg_var lg_features_behind(lg_tape *t, lg_var all, lg_var part) {
+    return lg_is_none(all) ? part : lg_concat(t, (lg_var[]){all, part}, 2, 1);
+}
+/* The rows of x (B, channels, ...) that belong to these channels, in their order. */
+lg_var lg_features_chosen(lg_tape *t, const lg_features *f, lg_var x);
+/* Makes features->plan, which computes the features of a window. */
+lg_status lg_features_ready(lg_features *features, lg_error *error);
 
 typedef struct lg_feature_row {
     const char *name;
@@ -17,16 +30,14 @@ typedef struct lg_feature_row {
     uint32_t segments;
     /* Largest number of frequency bands, for kinds that use band powers. 0: the kind does not use powers. */
     uint32_t bands;
-    lg_feature_sizes (*sizes)(const lg_features *f);
-    /* Either `code` and `vjp` (features_code.c), for a window x in double precision, or `compute`, whose
-     * features have the derivative 0. vjp comes after code, with the same `work`. It adds the derivative for
-     * the cotangent df to dx. */
-    void (*code)(const lg_features *f, const double *x, double *out, double *work);
-    void (*vjp)(const lg_features *f, const double *x, const double *df, double *dx, double *work);
-    lg_status (*compute)(const lg_features *f, const float *x, double *out, double *work);
+    uint64_t (*count)(const lg_features *f); /* of features */
+    /* Records the features (B, d) of windows x (B, channels, length). eps: the relative distance of
+     * neighbouring numbers. */
+    lg_var (*record)(lg_tape *t, const lg_features *f, lg_var eps, lg_var x);
     /* Writes the name of feature `index` and returns its length as snprintf does. */
     int (*describe)(const lg_features *f, const lg_series *series, uint32_t index, char *text, size_t size);
 } lg_feature_row;
+extern const lg_feature_row *const lg_feature_rows[LG_FEATURE_KIND_COUNT];
 
 extern const lg_feature_row lg_feature_raw, lg_feature_std, lg_feature_cov, lg_feature_spectrum,
     lg_feature_baseline, lg_feature_rocket;
@@ -38,19 +49,8 @@ lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, boo
 
 /* ---- random convolutions ---- */
 
-enum {
-    LG_ROCKET_TAPS = 9,
-    LG_ROCKET_CHOICES = 84, /* ways to choose 3 of 9: kernels whose weights add up to 0 */
-    LG_ROCKET_KERNELS = 96  /* the others have nine weights of 1 */
-};
-
 void lg_rocket_destroy(const lg_context *context, lg_rocket *rocket);
-/* Doubles of work memory; valid as soon as the convolutions are listed. */
-size_t lg_rocket_work_doubles(const lg_features *features);
-/* Computes a convolution of the window x (channels, length). *y becomes its samples, in `work`, and *unit the
- * unit of its thresholds. Returns the number of samples, or 0 if a number is not finite. */
-size_t lg_rocket_values(const lg_features *features, const lg_rocket_convolution *convolution,
-                        const uint32_t *channel, const float *x, double *work, float **y, double *unit);
+lg_rocket_table lg_rocket_table_of(const lg_rocket *rocket);
 
 /* ---- parts of all kinds ---- */
 

@@ -46,7 +46,9 @@ typedef struct fitting {
     size_t count;
     lg_rng rng;
     float *x;       /* (channels, length) a window */
-    double *work;   /* of compute */
+    double *window; /* (selected, length) its selected channels, then their means and 1/scale */
+    float *floats;  /* memory of convolutions */
+    lg_rocket_work work;
     uint32_t *deck; /* (selected) channels, to draw some of them */
 } fitting;
 
@@ -71,15 +73,23 @@ static int by_value(const void *a, const void *b) {
 
 /* The thresholds of a convolution: quantiles of its values in one training window. Feature number i of all
  * has the level frac((i + 1) phi), phi the golden ratio, a sequence of low discrepancy. */
-static lg_status fit_biases(fitting *fit, const lg_features *f, const lg_rocket_convolution *c,
+static lg_status fit_biases(fitting *fit, const lg_features *f, const lg_rocket_row *c,
                             const uint32_t *channel, size_t number, float *bias) {
     const double phi = 0.5 + sqrt(1.25);
-    const size_t row = lg_rng_below(&fit->rng, fit->count);
-    double unit;
-    float *y;
+    const size_t row = lg_rng_below(&fit->rng, fit->count), m = f->selected, length = f->length;
+    double *mean = fit->window + m * length, *inverse = mean + m;
+    size_t n;
+    float single;
     lg_windows_copy(fit->series, fit->windows, lg_chosen_row(fit->chosen, row), fit->x);
-    const size_t n = lg_rocket_values(f, c, channel, fit->x, fit->work, &y, &unit);
-    if (n == 0) return LG_NOT_FINITE;
+    for (size_t i = 0; i < m; i++) {
+        mean[i] = f->rocket.mean[f->select[i]];
+        inverse[i] = 1 / f->scale[f->select[i]];
+        for (size_t t = 0; t < length; t++)
+            fit->window[i * length + t] = (double)fit->x[f->select[i] * length + t];
+    }
+    if (!lg_rocket_scale(fit->window, mean, inverse, &fit->work)) return LG_NOT_FINITE;
+    float *y = lg_rocket_convolve(&fit->work, c, channel, true, &n, &single);
+    const double unit = (double)single;
     qsort(y, n, sizeof *y, by_value);
     for (uint32_t i = 0; i < c->features; i++) {
         const double level = fmod((double)(number + i + 1) * phi, 1.0), at = level * (double)(n - 1);
@@ -117,18 +127,21 @@ static lg_status draw(fitting *fit, const lg_context *context, uint32_t per_kern
                      LG_ARRAY(fit->x, (size_t)f->channels * f->length)) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu features", numbers);
     list_convolutions(fit, f->length, f->selected, per_kernel, r);
-    fit->work = lg_alloc(context, lg_rocket_work_doubles(f), sizeof *fit->work);
-    if (fit->work == NULL)
+    const lg_rocket_table table = lg_rocket_table_of(r);
+    const size_t m = f->selected, floats = lg_rocket_lay_out(&table, m, f->length, NULL, &fit->work);
+    if (LG_ALLOC_ALL(context, LG_ARRAY(fit->floats, floats), LG_ARRAY(fit->window, m * (f->length + 2))) !=
+        LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for windows of %u samples", f->length);
+    (void)lg_rocket_lay_out(&table, m, f->length, fit->floats, &fit->work);
     const uint32_t *channel = r->channel;
     for (uint32_t i = 0; i < r->count; i++) {
-        const lg_rocket_convolution *c = &r->convolution[i];
-        const lg_status status = fit_biases(fit, f, c, channel, f->count, r->bias + f->count);
+        const lg_rocket_row c = table.row[i];
+        const lg_status status = fit_biases(fit, f, &c, channel, f->count, r->bias + f->count);
         if (status != LG_OK)
             return lg_fail(error, status, "a training window has a number that is not finite");
-        channel += c->channels, f->count += c->features;
+        channel += c.channels, f->count += c.features;
     }
-    return LG_OK;
+    return lg_features_ready(f, error);
 }
 
 static lg_status check_fit(const lg_rocket_options *o, const lg_windows *windows, size_t count,
@@ -163,7 +176,7 @@ lg_status lg_rocket_fit(const lg_context *context, const lg_rocket_options *opti
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u channels", f.channels);
     memcpy(f.rocket.mean, scaler->mean, f.channels * sizeof *f.rocket.mean);
     const lg_status status = draw(&fit, context, options->features / LG_ROCKET_KERNELS, &f, error);
-    LG_FREE_ALL(context, fit.deck, fit.x, fit.work);
+    LG_FREE_ALL(context, fit.deck, fit.x, fit.window, fit.floats);
     LG_TRY(status);
     return LG_GIVE(out, f);
 }
@@ -214,8 +227,12 @@ lg_status lg_rocket_prune(lg_features *features, const uint32_t *keep, size_t co
     }
     memcpy(to.mean, from->mean, features->channels * sizeof *to.mean);
     copy_kept(from, keep, count, &to);
-    lg_rocket_destroy(context, &features->rocket);
-    features->rocket = to;
-    features->count = (uint32_t)count;
+    lg_features kept = *features;
+    kept.rocket = to, kept.count = (uint32_t)count, kept.plan = NULL;
+    const lg_status status = lg_features_ready(&kept, error);
+    lg_rocket_destroy(context, status == LG_OK ? &features->rocket : &to);
+    LG_TRY(status);
+    lg_plan_destroy(features->plan);
+    *features = kept;
     return LG_OK;
 }

@@ -280,7 +280,7 @@ static lg_status train(training *t, const uint32_t *label, lg_svm *out) {
 
 /* Returns 1/(d var), where var is the variance over all numbers of x; 1 if all numbers are equal. */
 static double default_gamma(const double *x, size_t count, uint32_t d) {
-    const double mean = lg_sum_of(x, count) / (double)count;
+    const double mean = lg_kernels_for(LG_F64)->sum(count, x) / (double)count;
     double variance = 0.0;
     for (size_t i = 0; i < count; i++) variance += (x[i] - mean) * (x[i] - mean) / (double)count;
     const double gamma = 1.0 / ((double)d * variance);

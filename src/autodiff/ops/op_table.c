@@ -52,6 +52,11 @@
     X(cross)                                                                                                 \
     X(spd_factor)                                                                                            \
     X(spd_solve)                                                                                             \
+    X(covariance)                                                                                            \
+    X(centre)                                                                                                \
+    X(covariance_root)                                                                                       \
+    X(lyapunov)                                                                                              \
+    X(rocket)                                                                                                \
     X(stumpff)                                                                                               \
     X(dexpinv_coef)                                                                                          \
     X(lie)                                                                                                   \

@@ -121,8 +121,8 @@ typedef struct lg_plan_step {
     };
 } lg_plan_step;
 
-/* Value of lg_plan.spill for an output that needs no place in the work memory: an output that is copied at
- * the end, if it is wanted, or that a called plan computes. */
+/* Value of lg_plan.spill for an output that needs no place in the work memory: the steps that write it, among
+ * them copies, are left out if the caller does not want it, or a called plan computes it. */
 #define LG_NO_SPILL SIZE_MAX
 
 struct lg_plan {

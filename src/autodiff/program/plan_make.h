@@ -34,6 +34,7 @@ typedef struct lg_plan_item {
     uint32_t phase;
     /* Its memory must not be given back: it is an output, or another node has taken the memory over. */
     bool lasting;
+    bool skipped; /* It is an output, and its steps are left out if the caller does not want it. */
     lg_place place;
 } lg_plan_item;
 

@@ -156,7 +156,7 @@ void lg_planning_give_place(lg_planning *p, uint32_t node, uint32_t now) {
         it->place.offset += it->into_offset;
         return;
     }
-    if (it->into == LG_GRAPH_NONE && it->place.area == LG_AREA_OUTPUT &&
+    if (it->into == LG_GRAPH_NONE && it->place.area == LG_AREA_OUTPUT && !it->skipped &&
         p->plan->spill[it->place.number] == LG_NO_SPILL)
         p->plan->spill[it->place.number] = lg_planning_give_room(p, p->g.node[node].count);
     if (it->place.area != LG_AREA_NONE || over_input(p, node, now)) return;
@@ -171,16 +171,51 @@ void lg_planning_end_lives(lg_planning *p, const uint32_t *ending, size_t count)
     }
 }
 
-/* Lets the step that computes an output write it directly to the caller's memory, unless the output is a
- * view, an input or a constant, or the node is already another output. lg_planning_give_place assigns such an
- * output a place in the work memory, too (`spill`), for runs in which the caller does not want it. */
+/* How often a concatenation reads the elements of a node, not counting views that others read, too. */
+static uint32_t reads(const lg_planning *p, const lg_graph_node *n, uint32_t base) {
+    uint32_t count = 0;
+    for (uint32_t k = 0; k < n->inputs; k++)
+        count += n->in[k] == base || (p->item[n->in[k]].base == base && p->item[n->in[k]].uses == 1);
+    return count;
+}
+
+/* Whether tensor steps that may be left out compute all elements of the node, and only `uses` others read
+ * them. */
+static bool is_apart(const lg_planning *p, uint32_t node, uint32_t uses) {
+    const lg_graph_node *n = &p->g.node[node];
+    const lg_plan_item *it = &p->item[node];
+    if (it->fate != LG_FATE_TENSOR || it->uses != uses || it->product != LG_GRAPH_NONE || n->op->ends_layer)
+        return false;
+    for (uint32_t k = 0; lg_planning_joins(p, node) && k < n->inputs; k++) {
+        const uint32_t base = p->item[n->in[k]].base;
+        if (p->item[base].into == node && !is_apart(p, base, reads(p, n, base))) return false;
+    }
+    return true;
+}
+
+/* The node whose step can write output j: the node itself, or the node that has the same elements in another
+ * shape, if nothing else reads it. LG_GRAPH_NONE: an output that is copied at the end. */
+static uint32_t written_for(const lg_planning *p, size_t j) {
+    const uint32_t node = p->g.result[j], base = p->item[node].base;
+    const bool whole =
+        node == base || (p->g.node[base].count == p->g.node[node].count && p->item[base].uses == 1 &&
+                         p->item[node].uses == 1 && p->item[base].into == LG_GRAPH_NONE);
+    return whole && lg_planning_is_step(p, base) && p->item[base].place.area == LG_AREA_NONE ? base
+                                                                                             : LG_GRAPH_NONE;
+}
+
+/* Lets the step that computes an output write it directly to the caller's memory, unless the output is a part
+ * of another node, an input or a constant, or the node is already another output. If the caller does not want
+ * such an output, the steps that compute nothing else are left out; lg_planning_give_place assigns smaller
+ * outputs, and those that other steps read, a place in the work memory, too (`spill`). */
 void lg_planning_place_outputs(lg_planning *p) {
+    enum { SMALL = 64 };
     for (size_t j = 0; j < p->plan->outputs; j++) {
-        lg_plan_item *it = &p->item[p->g.result[j]];
-        p->item[it->base].lasting = true;
+        const uint32_t node = written_for(p, j);
+        p->item[p->item[p->g.result[j]].base].lasting = true;
         p->plan->spill[j] = LG_NO_SPILL;
-        if ((it->fate != LG_FATE_CODE && it->fate != LG_FATE_TENSOR) || it->place.area != LG_AREA_NONE)
-            continue;
-        it->place = (lg_place){LG_AREA_OUTPUT, (uint32_t)j, 0};
+        if (node == LG_GRAPH_NONE) continue;
+        p->item[node].place = (lg_place){LG_AREA_OUTPUT, (uint32_t)j, 0};
+        p->item[node].skipped = p->g.node[node].count > SMALL && is_apart(p, node, 1);
     }
 }

@@ -42,8 +42,15 @@ static const void *from(const running *r, const lg_place *p) {
     return NULL;
 }
 
+/* Whether a step that writes y computes nothing but an output that the caller does not want. */
+static bool is_left_out(const running *r, const lg_place *y) {
+    return y->area == LG_AREA_OUTPUT && r->outputs[y->number] == NULL &&
+           r->plan->spill[y->number] == LG_NO_SPILL;
+}
+
 static void run_tensor(const running *r, const lg_tensor_step *s) {
     const void *x[LG_MAX_INPUTS];
+    if (is_left_out(r, &s->y)) return;
     for (uint32_t k = 0; k < s->inputs; k++) x[k] = from(r, &s->x[k]);
     /* Every member is listed, so that the compiler need not clear the struct: that would take longer than
      * many an operation. */
@@ -172,8 +179,7 @@ static void run_call(const running *r, const lg_call_step *s) {
 }
 
 static void run_copy(const running *r, const lg_copy_step *s) {
-    const bool unwanted = s->y.area == LG_AREA_OUTPUT && r->outputs[s->y.number] == NULL;
-    if (unwanted && r->plan->spill[s->y.number] == LG_NO_SPILL) return;
+    if (is_left_out(r, &s->y)) return;
     memcpy(to(r, &s->y), from(r, &s->x), s->count * r->k->size);
 }
 

@@ -151,18 +151,23 @@ static bool serves_all(const lg_shape *shape, const lg_shape *in) {
     return in->rank < shape->rank || in->dims[0] == 1;
 }
 
+static lg_row_use row_use(const lg_graph_node *n, const lg_shape *const *shapes, uint32_t copies,
+                          lg_attr *attr) {
+    const lg_op *op = n->op;
+    return op->rows != NULL      ? op->rows(shapes, n->inputs, &n->shape, copies, attr)
+           : op->element != NULL ? LG_ROWS_BROADCAST
+                                 : LG_ROWS_MEET;
+}
+
 static uint32_t on_single_rows(lg_graph *g, const lg_graph_node *n, const lg_shape *const *shapes) {
     uint32_t copies = 1, in[LG_MAX_INPUTS];
     const uint32_t rows = n->shape.rank > 0 ? n->shape.dims[0] : 0;
     for (uint32_t k = 0; k < n->inputs && copies == 1; k++)
         if (n->in[k] != LG_GRAPH_NONE) copies = copies_of(g, n->in[k]);
     if (copies == 1 || rows == 0 || rows % copies != 0) return LG_GRAPH_NONE;
-    const lg_op *op = n->op;
     lg_graph_node once = *n;
     once.in = in;
-    const lg_row_use use = op->rows != NULL      ? op->rows(shapes, n->inputs, &n->shape, copies, &once.attr)
-                           : op->element != NULL ? LG_ROWS_BROADCAST
-                                                 : LG_ROWS_MEET;
+    const lg_row_use use = row_use(n, shapes, copies, &once.attr);
     if (use == LG_ROWS_MEET) return LG_GRAPH_NONE;
     for (uint32_t k = 0; k < n->inputs; k++) {
         in[k] = n->in[k];
@@ -199,15 +204,18 @@ static uint32_t rows_of_copies(const lg_graph *g, const lg_graph_node *n) {
     return copies == 0 ? 1 : copies;
 }
 
-/* Elementwise operations: an input that repeats one row for all rows is replaced by this single row, and the
- * operation broadcasts it. */
+/* Operations that broadcast rows: an input that repeats one row for all rows is replaced by this single
+ * row. */
 static uint32_t with_broadcasts(lg_graph *g, const lg_graph_node *n, const lg_shape *const *shapes) {
     const lg_op *op = n->op;
     const lg_shape *fewer[LG_MAX_INPUTS];
     uint32_t in[LG_MAX_INPUTS], changed = 0;
     lg_graph_node made = *n;
     lg_shape shape = n->shape;
-    if (op->element == NULL || n->shape.rank == 0 || n->inputs < 2) return LG_GRAPH_NONE;
+    lg_attr attr = n->attr;
+    if (n->shape.rank == 0 || n->inputs < 2 ||
+        (op->element == NULL && row_use(n, shapes, 1, &attr) != LG_ROWS_BROADCAST))
+        return LG_GRAPH_NONE;
     for (uint32_t k = 0; k < n->inputs; k++) {
         in[k] = n->in[k];
         fewer[k] = shapes[k];

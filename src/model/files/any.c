@@ -129,7 +129,8 @@ const void *lg_model_file_of(const lg_model_file *file, const lg_recipe *recipe)
 
 /* Whether the recipe makes the program with its steps; else steps are made from the field in the file. */
 static bool has_steps(const lg_model_file *file) {
-    return file->recipe != NULL && (file->recipe->scheme != NULL || lg_model_space(file->model) == NULL);
+    return file->recipe != NULL && file->recipe->program != NULL &&
+           (file->recipe->scheme != NULL || lg_model_space(file->model) == NULL);
 }
 
 lg_status lg_model_file_program(const lg_model_file *file, const lg_scheme *scheme, lg_program **out,
