@@ -215,7 +215,7 @@ void lg_riser_motion_step(lg_riser_motion *m, const double *water) {
 
 void lg_riser_run_init(lg_riser_run *out) {
     *out = (lg_riser_run){.size = sizeof(*out),
-                          .sea = {.height = 2.5, .period = 8.0, .direction = 0.0},
+                          .sea = {.height = 2.5, .period = 8.0},
                           .seed = 1,
                           .noise_seed = 1,
                           .noise = 1.0,
@@ -223,7 +223,6 @@ void lg_riser_run_init(lg_riser_run *out) {
                           .rate = 5.0,
                           .discard = 200.0,
                           .ramp = 100.0,
-                          .crack_time = 0.0,
                           .drag_scale = 1.0};
 }
 

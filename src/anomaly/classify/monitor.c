@@ -36,14 +36,8 @@ struct lg_monitor {
 };
 
 void lg_monitor_options_init(lg_monitor_options *options) {
-    *options = (lg_monitor_options){.size = sizeof *options,
-                                    .channels = 0,
-                                    .window = 0,
-                                    .hop = 0,
-                                    .bridge = 5,
-                                    .missing = 0.1,
-                                    .votes = 3,
-                                    .votes_of = 5};
+    *options =
+        (lg_monitor_options){.size = sizeof *options, .bridge = 5, .missing = 0.1, .votes = 3, .votes_of = 5};
 }
 
 static lg_status check(const lg_monitor_options *o, lg_error *error) {

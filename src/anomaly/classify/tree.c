@@ -22,12 +22,8 @@ const char *lg_tree_criterion_name(lg_tree_criterion criterion) {
 }
 
 void lg_tree_options_init(lg_tree_options *options) {
-    *options = (lg_tree_options){.size = sizeof *options,
-                                 .criterion = LG_GINI,
-                                 .max_depth = 0,
-                                 .min_samples_split = 2,
-                                 .min_samples_leaf = 1,
-                                 .ccp_alpha = 0.0};
+    *options = (lg_tree_options){
+        .size = sizeof *options, .criterion = LG_GINI, .min_samples_split = 2, .min_samples_leaf = 1};
 }
 
 /* ---- growing ---- */

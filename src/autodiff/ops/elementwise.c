@@ -176,14 +176,13 @@ static lg_instead instead_where(const lg_known *known, double idle) {
         return LG_OK;                                                                                        \
     }                                                                                                        \
     static lg_var name##_times(lg_tape *t, lg_var x, lg_var y, double c, lg_var g) {                         \
-        (void)t, (void)x, (void)y, (void)c;                                                                  \
         return derivative;                                                                                   \
     }                                                                                                        \
     static lg_scalar name##_element(lg_scalars *s, const lg_attr *attr, const lg_scalar *in,                 \
                                     uint32_t inputs) {                                                       \
         const lg_scalar x = in[0];                                                                           \
         const double c = attr->c;                                                                            \
-        (void)c, (void)inputs;                                                                               \
+        (void)c;                                                                                             \
         return scalar;                                                                                       \
     }                                                                                                        \
     static lg_instead name##_instead(const lg_known *known) {                                                \

@@ -77,11 +77,16 @@ static void reduce_c(lg_c *c, const lg_evaluation *e) {
     lg_c_call(c, "sum_axis(%u, %u, %u, $0, $y)", size[0], size[1], size[2]);
 }
 
-static void reduce_vjp(lg_reverse *r) {
+/* The cotangent of the input, by the adjoint operation. */
+static void record_adjoint(lg_reverse *r, const lg_op *adjoint) {
     const uint32_t *i = r->attr->i;
     if (r->need[0])
-        r->out[0] = record_sized(r->tape, &lg_op_repeat, r->g, i[0], i[1], i[2],
-                                 lg_node_at(r->tape, r->in[0])->shape);
+        r->out[0] =
+            record_sized(r->tape, adjoint, r->g, i[0], i[1], i[2], lg_node_at(r->tape, r->in[0])->shape);
+}
+
+static void reduce_vjp(lg_reverse *r) {
+    record_adjoint(r, &lg_op_repeat);
 }
 
 /* Row rule of sums and broadcasts: rows stay apart if they lie within the outer axis. */
@@ -144,10 +149,7 @@ static void repeat_c(lg_c *c, const lg_evaluation *e) {
 }
 
 static void repeat_vjp(lg_reverse *r) {
-    const uint32_t *i = r->attr->i;
-    if (r->need[0])
-        r->out[0] = record_sized(r->tape, &lg_op_reduce, r->g, i[0], i[1], i[2],
-                                 lg_node_at(r->tape, r->in[0])->shape);
+    record_adjoint(r, &lg_op_reduce);
 }
 
 const lg_op lg_op_repeat = {

@@ -139,7 +139,7 @@ static const struct {
              {"rowdot", {"dot"}},
              {"se3_act", {"so3", "so3_coefficients"}},
              {"se3_dexpinv", {"vectors", "dexpinv_coef"}},
-             {"sigmoid_of", {"exp"}},
+             {"sigmoid_of", {"exp", "exp_power"}},
              {"so3", {"vectors"}},
              {"so3_dexp", {"so3", "so3_coefficients"}},
              {"so3_dexpinv", {"so3", "dexpinv_coef"}},
@@ -148,7 +148,7 @@ static const struct {
              {"stumpff_row", {"stumpff"}},
              {"stumpff_rows", {"stumpff_row"}},
              {"stumpff_series", {"inverse_factorial"}},
-             {"tanh_of", {"exp"}},
+             {"tanh_of", {"exp", "exp_power"}},
              {"whole_windows", {"windows"}},
              {"window_rows", {"windows"}}};
 

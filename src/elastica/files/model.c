@@ -17,7 +17,7 @@ static const lg_field facts[] = {
     FACT("model", "length", REAL, model.length, .low = 0),
     FACT("model", "centre", REAL, model.centre, .low = 0),
     FACT("run", "curves", U64, curves, .low = 0),
-    FACT("run", "stiffness", REAL, stiffness, .low = 0, .optional = true),
+    FACT("run", "stiffness", REAL, stiffness, .optional = true),
     FACT("run", "values", NAME, continuous, LG_NAMES("discrete", "continuous")),
     FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
     LG_FIELD_END};

@@ -44,14 +44,14 @@ static const void *family_at(uint32_t value) {
 static const lg_field facts[] = {
     FACT("model", "family", NAME, model.family, .value_name = family_name, .value_at = family_at),
     FACT("model", "links", U32, model.n, .low = 1),
-    FACT("model", "scales", REALS, model.scales, .low = 0, .get = get_scales, .put = put_scales,
-         .least = LEAST_SCALES, .most = SCALES, .optional = true),
+    FACT("model", "scales", REALS, model.scales, .get = get_scales, .put = put_scales, .least = LEAST_SCALES,
+         .most = SCALES, .optional = true),
     FACT("run", "system", TEXT, system, .low = 0),
     FACT("run", "trajectories", U64, trajectories, .low = 0),
     FACT("run", "points", U64, points, .low = 0),
     FACT("run", "dt", REAL, dt, .low = 0),
     FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
-    FACT("run", "penalty_sha256", TEXT, penalty_sha256, .low = 0, .optional = true),
+    FACT("run", "penalty_sha256", TEXT, penalty_sha256, .optional = true),
     LG_FIELD_END};
 
 static const lg_hamiltonian_run defaults = {.model = {.scales = LG_HAMILTONIAN_NO_SCALES},

@@ -61,15 +61,15 @@ _Static_assert(SCALES <= LG_FIELD_LIST_MAX && 2 * LG_MACHINE_RANGE <= LG_FIELD_L
     LG_FACT(lg_machine_model_run, group, name, type, member, __VA_ARGS__)
 static const lg_field facts[] = {
     FACT("model", "machine", TEXT, text, .low = 0),
-    FACT("model", "scales", REALS, scales, .low = 0, FIXED(SCALES)),
+    FACT("model", "scales", REALS, scales, FIXED(SCALES)),
     FACT("run", "range", REALS, range, .low = -1e300, FIXED(2 * LG_MACHINE_RANGE)),
-    FACT("run", "position_scale", REALS, position_scale, .low = 0, FIXED(LG_MACHINE_COORDINATES)),
-    FACT("run", "velocity_scale", REALS, velocity_scale, .low = 0, FIXED(LG_MACHINE_COORDINATES)),
+    FACT("run", "position_scale", REALS, position_scale, FIXED(LG_MACHINE_COORDINATES)),
+    FACT("run", "velocity_scale", REALS, velocity_scale, FIXED(LG_MACHINE_COORDINATES)),
     FACT("run", "residual", REAL, residual, .low = 0),
     FACT("run", "windows", U64, windows, .low = 0),
     FACT("run", "dt", REAL, dt, .low = 0),
     FACT("run", "delay", U32, estimated, .low = 0),
-    FACT("run", "start_rows", U32, start_rows, .low = 0, .optional = true),
+    FACT("run", "start_rows", U32, start_rows, .optional = true),
     FACT("run", "data_sha256", TEXT, data_sha256, .low = 0),
     LG_FIELD_END};
 
@@ -85,7 +85,7 @@ static bool positive(const lg_machine_scales *scales) {
 }
 
 /* The range of time constants, which only files of machines with lags have. */
-static const lg_field lag_range = FACT("model", "lag_range", REALS, scales.lag, .low = 0, FIXED(2));
+static const lg_field lag_range = FACT("model", "lag_range", REALS, scales.lag, FIXED(2));
 
 static lg_status read_lags(lg_h5 *h5, lg_machine_model_run *run, lg_error *error) {
     lg_machine_scales fallback;

@@ -450,7 +450,6 @@ static lg_status evaluate(lg_training *self, const void *file, lg_error *error) 
 static const char *const sizes[] = {"4", "8", "16", "32", "16,16", "32,32", NULL};
 
 static lg_status inspect(const lg_context *context, const void *file, const double *x, lg_error *error) {
-    (void)error;
     lg_table_warn_outside(context, lg_table_is_outside(file, x), 1, "--initial", "the model");
     return LG_OK;
 }

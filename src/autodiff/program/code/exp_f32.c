@@ -9,6 +9,9 @@
 #define EXP_PER_LN2  1.44269504f
 #define EXP_LN2_HIGH 0.693359375f
 #define EXP_LN2_LOW  (-2.12194440e-4f)
+#define EXP_BITS     uint32_t /* of a number: exponent n is stored as n + bias */
+#define EXP_BIAS     127u
+#define EXP_SHIFT    23
 /* exp(-EXP_LEAST) is 0. Multiplying by 2^EXP_LIFT keeps the power of two in the range of normal numbers;
  * EXP_LOWER = 2^-EXP_LIFT undoes it. */
 #define EXP_LEAST 110.0f
@@ -24,14 +27,4 @@ static inline real exp_core(real r) {
     p = p * r + 1.66666666667e-1f;
     p = p * r + 0.5f;
     return p * (r * r) + r;
-}
-
-/* 2^(n + lift), made by setting the exponent bits; s = EXP_ROUND + n. */
-static inline real exp_power(real s, unsigned lift) {
-    uint32_t bits;
-    real power;
-    memcpy(&bits, &s, sizeof bits);
-    bits = (bits + 127u + lift) << 23;
-    memcpy(&power, &bits, sizeof power);
-    return power;
 }

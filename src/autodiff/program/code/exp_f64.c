@@ -9,6 +9,9 @@
 #define EXP_PER_LN2  1.4426950408889634
 #define EXP_LN2_HIGH 6.93147180369123816490e-01
 #define EXP_LN2_LOW  1.90821492927058770002e-10
+#define EXP_BITS     uint64_t /* of a number: exponent n is stored as n + bias */
+#define EXP_BIAS     1023u
+#define EXP_SHIFT    52
 /* exp(-EXP_LEAST) is 0. Multiplying by 2^EXP_LIFT keeps the power of two in the range of normal numbers;
  * EXP_LOWER = 2^-EXP_LIFT undoes it. */
 #define EXP_LEAST 750.0
@@ -28,14 +31,4 @@ static inline real exp_core(real r) {
     p = p * r + 1.6666666666666667e-1;
     p = p * r + 0.5;
     return p * (r * r) + r;
-}
-
-/* 2^(n + lift), made by setting the exponent bits; s = EXP_ROUND + n. */
-static inline real exp_power(real s, unsigned lift) {
-    uint64_t bits;
-    real power;
-    memcpy(&bits, &s, sizeof bits);
-    bits = (bits + 1023u + lift) << 52;
-    memcpy(&power, &bits, sizeof power);
-    return power;
 }
