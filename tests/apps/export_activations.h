@@ -17,6 +17,7 @@
 #include "../../src/autodiff/program/code/prelude_f64.c"
 #include "../../src/autodiff/program/code/exp_f64.c"
 #endif
+#include "../../src/autodiff/program/code/exp_power.c"
 #include "../../src/autodiff/program/code/tanh_of.c"
 #include "../../src/autodiff/program/code/sigmoid_of.c"
 
@@ -53,6 +54,9 @@ static void EXPORT_NAME(sigmoid)(int n, real *z) {
 #undef EXP_PER_LN2
 #undef EXP_LN2_HIGH
 #undef EXP_LN2_LOW
+#undef EXP_BITS
+#undef EXP_BIAS
+#undef EXP_SHIFT
 #undef EXP_LEAST
 #undef EXP_LIFT
 #undef EXP_LOWER

@@ -63,7 +63,7 @@ void lg_batch_c(lg_c *c, const lg_evaluation *e, size_t work, const char *call, 
     const uint32_t rows = e->shape->dims[0];
     va_list sizes;
     va_start(sizes, call);
-    (void)vsnprintf(begin, sizeof begin, call, sizes);
+    (void)lg_format_list(begin, sizeof begin, call, sizes);
     va_end(sizes);
     for (uint32_t k = 0, used = 0; k < e->inputs; k++)
         used +=

@@ -139,16 +139,11 @@ static void write_call(lg_c *c, const lg_call_step *s) {
     lg_c_use(c, s->work, work);
 }
 
-/* Writes a step. One that computes nothing but an output depends on whether the caller wants it. */
-static void write_wanted(lg_c *c, const lg_plan *plan, const lg_plan_step *s) {
-    const bool copy = s->kind == LG_STEP_COPY;
-    const lg_place y = copy ? s->copy.y : s->tensor.y;
-    const bool tests = y.area == LG_AREA_OUTPUT && plan->spill[y.number] == LG_NO_SPILL;
-    if (tests) lg_text_add(&c->frame->body, "    if (y%u != NULL) {\n", y.number);
-    if (copy)
-        write_copy(c, &s->copy);
-    else
-        write_tensor(c, &s->tensor);
+/* Writes an operation. One that computes nothing but an output depends on whether the caller wants it. */
+static void write_wanted(lg_c *c, const lg_plan *plan, const lg_tensor_step *s) {
+    const bool tests = s->y.area == LG_AREA_OUTPUT && plan->spill[s->y.number] == LG_NO_SPILL;
+    if (tests) lg_text_add(&c->frame->body, "    if (y%u != NULL) {\n", s->y.number);
+    write_tensor(c, s);
     if (tests) lg_text_add(&c->frame->body, "    }\n");
 }
 
@@ -157,14 +152,16 @@ static void write_steps(lg_c *c, const lg_plan *plan) {
         const lg_plan_step *s = &plan->step[i];
         switch (s->kind) {
         case LG_STEP_TENSOR:
-        case LG_STEP_COPY:
-            write_wanted(c, plan, s);
+            write_wanted(c, plan, &s->tensor);
             break;
         case LG_STEP_DENSE:
             write_dense(c, &s->dense);
             break;
         case LG_STEP_SCALARS:
             lg_c_scalars(c, &s->scalars);
+            break;
+        case LG_STEP_COPY:
+            write_copy(c, &s->copy);
             break;
         case LG_STEP_CALL:
             write_call(c, &s->call);
