@@ -56,10 +56,6 @@ static void write_copy(lg_c *c, const lg_copy_step *s) {
     c->step = NULL;
 }
 
-static size_t half_of(const lg_plan *callee, size_t i) {
-    return callee->input_count[i];
-}
-
 /* The first input that output j is carried into, or callee->inputs if there is none. */
 static size_t carried_to(const lg_call_step *s, size_t j) {
     size_t i = 0;
@@ -82,7 +78,7 @@ static void add_loop_input(lg_c *c, const lg_call_step *s, size_t i) {
         lg_text_add(body, "x%zu", i);
         return;
     }
-    const size_t first = carried_to(s, s->carry[i]), half = half_of(s->callee, first);
+    const size_t first = carried_to(s, s->carry[i]), half = s->callee->input_count[first];
     lg_text_add(body, "i == 0 ? x%zu : work + (%zu + i %% 2 * %zu)", i, s->next[first].offset, half);
     lg_c_use(c, s->next[first], 2 * half);
 }
@@ -95,7 +91,8 @@ static void add_loop_output(lg_c *c, const lg_call_step *s, size_t j) {
     lg_text_add(body, k < s->paths ? "i == %u && y%zu != NULL ? y%zu : " : "i == %u ? y%zu : ", s->times - 1,
                 j, j);
     if (to < s->callee->inputs)
-        lg_text_add(body, "work + (%zu + (i + 1) %% 2 * %zu)", s->next[to].offset, half_of(s->callee, to));
+        lg_text_add(body, "work + (%zu + (i + 1) %% 2 * %zu)", s->next[to].offset,
+                    s->callee->input_count[to]);
     else if (k < s->paths)
         lg_text_add(body, "work + %zu", s->kept[k].offset);
     else
@@ -139,11 +136,18 @@ static void write_call(lg_c *c, const lg_call_step *s) {
     lg_c_use(c, s->work, work);
 }
 
-/* Writes an operation. One that computes nothing but an output depends on whether the caller wants it. */
-static void write_wanted(lg_c *c, const lg_plan *plan, const lg_tensor_step *s) {
-    const bool tests = s->y.area == LG_AREA_OUTPUT && plan->spill[s->y.number] == LG_NO_SPILL;
-    if (tests) lg_text_add(&c->frame->body, "    if (y%u != NULL) {\n", s->y.number);
-    write_tensor(c, s);
+/* Writes a step. One that computes nothing but an output depends on whether the caller wants it; the copy of
+ * a whole output finds out itself. */
+static void write_wanted(lg_c *c, const lg_plan *plan, const lg_plan_step *s) {
+    const bool copy = s->kind == LG_STEP_COPY;
+    const lg_place y = copy ? s->copy.y : s->tensor.y;
+    const bool tests =
+        y.area == LG_AREA_OUTPUT && plan->spill[y.number] == LG_NO_SPILL && !(copy && y.offset == 0);
+    if (tests) lg_text_add(&c->frame->body, "    if (y%u != NULL) {\n", y.number);
+    if (copy)
+        write_copy(c, &s->copy);
+    else
+        write_tensor(c, &s->tensor);
     if (tests) lg_text_add(&c->frame->body, "    }\n");
 }
 
@@ -152,16 +156,14 @@ static void write_steps(lg_c *c, const lg_plan *plan) {
         const lg_plan_step *s = &plan->step[i];
         switch (s->kind) {
         case LG_STEP_TENSOR:
-            write_wanted(c, plan, &s->tensor);
+        case LG_STEP_COPY:
+            write_wanted(c, plan, s);
             break;
         case LG_STEP_DENSE:
             write_dense(c, &s->dense);
             break;
         case LG_STEP_SCALARS:
             lg_c_scalars(c, &s->scalars);
-            break;
-        case LG_STEP_COPY:
-            write_copy(c, &s->copy);
             break;
         case LG_STEP_CALL:
             write_call(c, &s->call);

@@ -165,6 +165,15 @@ static const void *turned_payload(lg_tape *tape, const piece *p, uint32_t varian
     return turned;
 }
 
+/* Whether the shape rule of the operation accepts such a payload: the numbers of a table have an order. */
+static bool accepts(const piece *p, lg_attr attr, const void *payload) {
+    const lg_shape *shapes[MOST_OPERANDS];
+    lg_shape out = p->out;
+    for (uint32_t k = 0; k < p->inputs; k++) shapes[k] = &p->in[k];
+    attr.pointer = payload;
+    return payload != NULL && p->op->shape(shapes, p->inputs, &attr, &out) == LG_OK;
+}
+
 static lg_var put_piece(const step *s, uint32_t rows, lg_tape *tape, const lg_var *x) {
     const piece *p = s->piece;
     lg_attr attr = p->attr;
@@ -173,6 +182,8 @@ static lg_var put_piece(const step *s, uint32_t rows, lg_tape *tape, const lg_va
     if (s->made.batched) shape.dims[0] = rows;
     if (p->op->payload == LG_PAYLOAD_REALS || p->op->payload == LG_PAYLOAD_INDICES)
         attr.pointer = turned_payload(tape, p, s->variant);
+    if (p->op->payload == LG_PAYLOAD_INDICES && !accepts(p, attr, attr.pointer))
+        attr.pointer = turned_payload(tape, p, 0);
     return p->op->record != NULL ? p->op->record(tape, x[0], &attr, shape)
                                  : lg_record_shaped(tape, p->op, x, p->inputs, &attr, shape);
 }
