@@ -14,7 +14,7 @@
  *     m = Gamma^T Gamma + diag(max(0, b)). V takes q (3n numbers). Inputs: spatial torques tau_i (3n).
  *     On T*S^2 with v = dH/dp, g = dH/dq:
  *       q' = v - q(q.v), p' = -g + q(q.g) + p(q.v) - q(p.v),
- *     in se(3): xi = q x v, eta = g x q + v x p + tau. docs/hamiltonians.md has the kinetic gradient, and the
+ *     in se(3): xi = q x v, eta = g x q + v x p + tau. docs/mechanics.md has the kinetic gradient, and the
  *     extension of the kinetic energy that schemes use which leave the manifold.
  *   "separable": n degrees of freedom on R^{2n}, state q, p.
  *     H = 1/2 |A p|^2 + V(q). V takes q (n numbers). Inputs: n forces.

@@ -51,7 +51,7 @@
  * Friction without a width (Coulomb, asymmetric, Stribeck, by load or position) of lines and angles sticks:
  * it is -c s with s = sign(v), and at v = 0 the s in [-1, 1] that keeps v = 0 if there is one. Whatever the
  * scheme, a step is a classical Runge-Kutta step with s constant, or v = 0, which is divided up to three
- * times (docs/machines.md, "Friction that sticks"). The field has s = 0 at v = 0.
+ * times (docs/mechanics.md, "Friction that sticks"). The field has s = 0 at v = 0.
  *
  * Scaled units. Internally all quantities are divided by the scales of the machine: times by T
  * (scales.time), positions and velocities of lines and of places of poses by L and L/T (L = 1 for angles,

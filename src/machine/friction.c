@@ -1,4 +1,4 @@
-/* Machines: kinds of friction beyond viscous and Coulomb friction. docs/machines.md has the formulas.
+/* Machines: kinds of friction beyond viscous and Coulomb friction. docs/mechanics.md has the formulas.
  *
  * A kind changes the friction of its base, "diagonal" or "coulomb": if the machine has such a term, its
  * coefficients are taken and only what the kind adds is the term's force. Otherwise, and with values, the
