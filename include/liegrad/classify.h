@@ -391,8 +391,8 @@ LG_API lg_status lg_classifier_window(const lg_classifier *classifier, const flo
 LG_API lg_status lg_classifier_program(const lg_context *context, const lg_classifier *classifier,
                                        lg_program **out, lg_error *error);
 /* Save and load the arrays and texts below "classifier/" of an archive (liegrad/core.h). lg_classifier_load
- * checks sizes and values; on failure *out is zeroed. Errors of lg_classifier_load: LG_FORMAT, LG_NOT_FINITE.
- * Errors of lg_classifier_save: the errors of the writer. */
+ * checks sizes and values; on failure *out is zeroed. Errors of lg_classifier_load: LG_NOT_FOUND, LG_FORMAT,
+ * LG_NOT_FINITE. Errors of lg_classifier_save: the errors of the writer. */
 LG_API lg_status lg_classifier_save(const lg_classifier *classifier, const lg_archive_writer *writer,
                                     lg_error *error);
 LG_API lg_status lg_classifier_load(const lg_context *context, const lg_archive_reader *reader,

@@ -34,8 +34,8 @@ const char *lg_machine_variational_fault(const lg_machine *machine) {
         return "variational is for masses that do not depend on the state (known, diagonal, constant); take "
                "cf4, rkmk4 or another explicit Lie group scheme";
     if (lg_machine_tied(machine) || (machine->grey.system != NULL && machine->directions > 1))
-        return "variational is for directions that each have a mass; the directions of a chain share a mass "
-               "matrix: take cf4, rkmk4 or another explicit Lie group scheme";
+        return "variational is for directions that each have a mass of their own; here a mass matrix couples "
+               "them: take cf4, rkmk4 or another explicit Lie group scheme";
     return NULL;
 }
 

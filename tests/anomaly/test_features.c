@@ -57,6 +57,41 @@ TEST("deviations follow their definition, and raw samples are unchanged") {
     for (int i = 0; i < 37; i++) assert_close(out[37 + i], s.x[2 * 37 + i], 0, 0);
 }
 
+/* Up to *user bytes in all. */
+static void *take_some(void *user, size_t bytes) {
+    size_t *left = user;
+    if (bytes > *left) return NULL;
+    *left -= bytes;
+    return aligned_alloc(64, (bytes + 63) / 64 * 64);
+}
+static void release_some(void *user, void *memory) {
+    free(memory);
+}
+
+TEST("features of many channels take memory in proportion to their number") {
+    enum { CHANNELS = 3000, LENGTH = 8 };
+    lg_series s = make_series(1, CHANNELS, LENGTH, false);
+    for (size_t i = 0; i < CHANNELS * LENGTH; i++) s.x[i] = (float)i;
+    static const lg_feature_kind kinds[] = {LG_FEATURES_RAW, LG_FEATURES_STD, LG_FEATURES_SPECTRUM};
+    for (size_t k = 0; k < LG_COUNT(kinds); k++) {
+        size_t left = (size_t)128 << 20;
+        lg_context_options o;
+        lg_context *context;
+        lg_features f;
+        lg_context_options_init(&o);
+        o.allocate = take_some, o.release = release_some, o.allocator_user = &left;
+        assert_ok(lg_context_create(&o, &context));
+        assert_ok(lg_features_create(context, kinds[k], true, &s, LENGTH, NULL, &f, NULL));
+        print_message("%s: %zu MB\n", lg_feature_kind_name(kinds[k]), 128 - (left >> 20));
+        const double *out = compute(&f, s.x);
+        for (size_t c = 0; c < CHANNELS / 2 && k == 0; c++)
+            for (size_t i = 0; i < LENGTH; i++)
+                assert_close(out[c * LENGTH + i], (double)(2 * c * LENGTH + i), 0, 0);
+        lg_features_destroy(&f);
+        lg_context_destroy(context);
+    }
+}
+
 /* S S must be the covariance of the scaled channels, with S symmetric and positive semidefinite; also if one
  * channel is the sum of two others and one is constant. */
 TEST("the root's square is the covariance, with dependent and constant channels") {

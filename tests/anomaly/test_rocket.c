@@ -7,6 +7,8 @@
 
 #include "core/core.h"
 #include "anomaly/classify/features.h"
+#include "autodiff/compiled.h"
+#include "autodiff/ops/op.h"
 
 static const double PHI = 1.618033988749895;
 
@@ -201,6 +203,71 @@ TEST("windows, options and samples that do not fit are refused with a reason") {
     s.x[40] = 0;
     for (int i = 0; i < 60; i++) s.x[i] = 0; /* a window without motion is judged */
     assert_ok(lg_features_compute(&f, s.x, out, work));
+}
+
+/* ---- the operation ---- */
+
+extern const lg_op lg_op_rocket;
+static const lg_rocket_row two_rows[] = {{3, 1, 1, 2, 2}, {90, 1, 0, 1, 1}};
+static const uint32_t their_channels[] = {0, 3, 2};
+
+static lg_status record_two(void *user, lg_tape *t, const lg_var *w, const lg_var *x, lg_var *out) {
+    static const double mean[] = {0.125, -0.25}, inverse[] = {1.5, 0.75}, bias[] = {0.25, -0.5, 1};
+    out[0] = lg_rocket_record(t, x[0], lg_input_f64(t, lg_shape1(2), mean),
+                              lg_input_f64(t, lg_shape1(2), inverse), lg_input_f64(t, lg_shape1(3), bias),
+                              &(lg_rocket_table){two_rows, their_channels, 2, 3});
+    return lg_tape_status(t);
+}
+
+TEST("a window whose scaled samples overflow has no features, neither in a plan nor in C") {
+    const lg_port window = {.name = "x", .shape = lg_shape2(2, 9)}, features = {.name = "f"};
+    const lg_function_spec function = {"f", &window, 1, &features, 1, record_two, NULL};
+    lg_program_spec spec;
+    lg_program *program;
+    compiled c;
+    double x[18], plan[3], code[3];
+    if (!has_compiler()) return;
+    lg_program_spec_init(&spec);
+    spec.functions = &function;
+    spec.function_count = 1;
+    assert_ok(lg_program_build(NULL, &spec, &program, NULL));
+    if (!compile_program(&c, program, "gcc", "-O2", LG_F64, false)) fail_msg("%s", c.why);
+    double *work = TEST_ARRAY(double, c.source->work_size + 1);
+    for (int i = 0; i < 18; i++) x[i] = sin(i);
+    for (int large = 0; large < 2; large++) {
+        if (large == 1) x[4] = 1e300;
+        assert_ok(lg_program_eval(NULL, program, "f", 1, (const double *const[]){x}, (double *const[]){plan},
+                                  NULL));
+        shim_of(&c, "f")((const void *const[]){x}, (void *const[]){code}, work);
+        for (int j = 0; j < 3; j++) {
+            assert_true(isnan(plan[j]) == (large == 1) && isnan(code[j]) == (large == 1));
+            if (large == 0) assert_close(code[j], plan[j], 0, 0);
+        }
+    }
+    assert_true(discard_compiled(&c));
+    lg_program_destroy(program);
+}
+
+TEST("a table of convolutions that is missing, cut off or does not fit is refused") {
+    const lg_shape x = lg_shape3(1, 2, 9), each = lg_shape1(2), bias = lg_shape1(3);
+    const lg_shape *in[] = {&x, &each, &each, &bias};
+    uint32_t table[13];
+    lg_shape out;
+    memcpy(table, two_rows, sizeof two_rows);
+    memcpy(table + 10, their_channels, sizeof their_channels);
+    lg_attr attr = {.i = {13, INT32_MAX, 2, 0}, .pointer = table};
+    assert_ok(lg_op_rocket.shape(in, 4, &attr, &out));
+    attr.pointer = NULL;
+    assert_status(lg_op_rocket.shape(in, 4, &attr, &out), LG_INVALID_ARGUMENT);
+    attr.pointer = table;
+    for (attr.i[0] = 0; attr.i[0] < 13; attr.i[0]++)
+        assert_status(lg_op_rocket.shape(in, 4, &attr, &out), LG_INVALID_ARGUMENT);
+    for (int i = 0; i < 13; i++) {
+        const uint32_t kept = table[i];
+        table[i] = UINT32_MAX;
+        assert_status(lg_op_rocket.shape(in, 4, &attr, &out), LG_INVALID_ARGUMENT);
+        table[i] = kept;
+    }
 }
 
 /* ---- ridge regression ---- */

@@ -170,7 +170,7 @@ static inline lg_machine machine_with(const lg_term_kind *kind, lg_machine_part 
     return machine;
 }
 
-/* Whether the mass depends on the state. Only a network makes it do so. */
+/* Whether the mass of a machine without a system depends on the state: only a network makes it do so. */
 static inline bool machine_moves(const lg_machine *machine) {
     for (uint32_t i = 0; i < machine->term_count; i++)
         if (machine->terms[i].part == LG_MACHINE_MASS &&

@@ -122,7 +122,36 @@ static lg_var rod_mass(lg_tape *tape, const lg_at *at) {
 static const lg_energy_row rod_row = {"rod",     rod_parameters, rod_mass, NULL, 1, {LG_COORDINATE_DIRECTION},
                                       .seen = 1, .moving = true};
 
-static const lg_energy_row *const tied_rows[] = {&crane_row, &full_row, &rods_row, &rod_row};
+/* ---- two directions between a rotation and a line, with a mass that moves as that of `full` ---- */
+
+static const double swings_moments[10] = {0.7, 1.1, 0.9, 0.8, 1.3, 0.6, 1.2, 1.4, 0.5, 1.6};
+static const lg_parameter_entry swings_parameters[] = {
+    {"moments", "a", 10, LG_PARAMETER_POSITIVE, swings_moments, "diagonal of M"},
+    {"coupling", "b", 1, LG_PARAMETER_POSITIVE, &tied_one, "factor of c c^T"},
+    {.key = NULL}};
+
+/* (B, 10): the last row of R, both directions, the line. */
+static lg_var swings_mass(lg_tape *tape, const lg_at *at) {
+    const uint32_t rows = at->rows;
+    const lg_var R = lg_reshape(tape, at->state[2], lg_shape2(rows, 9)),
+                 all[] = {lg_slice(tape, R, 1, 6, 3), lg_reshape(tape, at->state[1], lg_shape2(rows, 6)),
+                          at->state[0]},
+                 c = lg_reshape(tape, lg_concat(tape, all, 3, 1), lg_shape3(rows, 10, 1));
+    return lg_add(tape, lg_row_diagonal(tape, at),
+                  lg_mul(tape, lg_matmul_nt(tape, c, c), lg_row_number(tape, at, 10)));
+}
+
+static const lg_energy_row swings_row = {
+    "swings",
+    swings_parameters,
+    swings_mass,
+    NULL,
+    4,
+    {LG_COORDINATE_ROTATION, LG_COORDINATE_DIRECTION, LG_COORDINATE_DIRECTION, LG_COORDINATE_LINE},
+    .seen = 15,
+    .moving = true};
+
+static const lg_energy_row *const tied_rows[] = {&crane_row, &full_row, &rods_row, &rod_row, &swings_row};
 
 /* A machine of the system whose parameters are all unknown; without its other terms. */
 static inline lg_machine tied_system(const lg_energy_row *row) {

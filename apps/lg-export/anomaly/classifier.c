@@ -87,7 +87,7 @@ static void tell(export_model *m) {
     if (c->features.kind == LG_FEATURES_COV)
         lg_text_add(to,
                     "gradient      Its rounding grows as the largest root of a window's covariance over the "
-                    "smallest; along roots below 2^-22 of the largest it is taken as 0.\n");
+                    "smallest; along roots below 2^-22 + m eps of the largest (m channels) it is 0.\n");
 }
 
 static const char *const score_words[] = {

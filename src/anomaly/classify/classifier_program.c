@@ -236,9 +236,7 @@ static lg_status score(void *user, lg_tape *t, const lg_var *w, const lg_var *f,
 /* ---- from the window ---- */
 
 static lg_status features(void *user, lg_tape *t, const lg_var *w, const lg_var *x, lg_var *f) {
-    const lg_features *of = &((const chain *)user)->c->features;
-    f[0] = lg_feature_rows[of->kind]->record(t, of, w[EPS], x[0]);
-    return lg_tape_status(t);
+    return lg_features_record(t, &((const chain *)user)->c->features, w[EPS], x[0], f);
 }
 
 static lg_status value(void *user, lg_tape *t, const lg_var *w, const lg_var *x, lg_var *y) {

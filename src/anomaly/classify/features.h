@@ -14,12 +14,10 @@ static inline uint32_t lg_features_channels(const lg_features *f) {
 static inline uint32_t lg_features_channel(const lg_features *f, uint32_t i) {
     return f->segments == 0 ? f->select[i] : f->pair[2 * (i % f->pairs) + i / f->pairs];
 }
-/* `all`, if it is not LG_NONE, and `part` behind it along axis 1. */
-static inline lg_var lg_features_behind(lg_tape *t, lg_var all, lg_var part) {
-    return lg_is_none(all) ? part : lg_concat(t, (lg_var[]){all, part}, 2, 1);
-}
 /* The rows of x (B, channels, ...) that belong to these channels, in their order. */
 lg_var lg_features_chosen(lg_tape *t, const lg_features *f, lg_var x);
+/* Records the features *out (B, d) of windows x (B, channels, length); eps as in lg_feature_row. */
+lg_status lg_features_record(lg_tape *t, const lg_features *f, lg_var eps, lg_var x, lg_var *out);
 /* Makes features->plan, which computes the features of a window. */
 lg_status lg_features_ready(lg_features *features, lg_error *error);
 

@@ -88,19 +88,19 @@ static lg_var bands_of(lg_tape *t, const lg_spectrum *s) {
  * coefficients of all segments. */
 static lg_var record_spectrum(lg_tape *t, const lg_features *f, lg_var eps, lg_var x) {
     const lg_spectrum *s = &f->spectrum;
+    LG_SCRATCH(lg_var, all, NULL, f->selected);
+    if (all == NULL) return LG_NONE;
     const lg_var bands = bands_of(t, s);
     const lg_var waves = lg_input_f64(t, lg_shape3(s->segment, 1, 2 * s->bins), s->wave);
-    lg_var all = LG_NONE;
     for (uint32_t i = 0; i < f->selected; i++) {
         const double scale = f->length / f->scale[f->select[i]];
-        const lg_var factor = lg_input_f64(t, lg_shape3(1, 1, 1), &scale);
-        const lg_var z = lg_centre(t, lg_slice(t, x, 1, f->select[i], 1), factor);
-        const lg_shape column = lg_shape3(lg_var_shape(t, x).dims[0], f->length, 1);
-        const lg_var coefficients = lg_conv1d(t, lg_reshape(t, z, column), waves, s->hop > 0 ? s->hop : 1, 0);
-        const lg_var squares = lg_sum_axis(t, lg_square(t, coefficients), 1, false);
-        all = lg_features_behind(t, all, lg_matmul(t, squares, bands));
+        const lg_var factor = lg_input_f64(t, lg_shape3(1, 1, 1), &scale),
+                     z = lg_centre(t, lg_slice(t, x, 1, f->select[i], 1), factor),
+                     column = lg_reshape(t, z, lg_shape3(lg_var_shape(t, x).dims[0], f->length, 1)),
+                     coefficients = lg_conv1d(t, column, waves, s->hop > 0 ? s->hop : 1, 0);
+        all[i] = lg_matmul(t, lg_sum_axis(t, lg_square(t, coefficients), 1, false), bands);
     }
-    return lg_log(t, lg_add_scalar(t, all, LG_FEATURES_FLOOR));
+    return lg_log(t, lg_add_scalar(t, lg_concat(t, all, f->selected, 1), LG_FEATURES_FLOOR));
 }
 
 /* ---- the baseline ---- */

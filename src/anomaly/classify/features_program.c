@@ -1,26 +1,28 @@
 /* Features of windows as a program, and its plan. */
 #include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "anomaly/classify/features.h"
 #include "autodiff/program/program.h"
 
 lg_var lg_features_chosen(lg_tape *t, const lg_features *f, lg_var x) {
     const uint32_t count = lg_features_channels(f);
-    lg_var chosen = LG_NONE;
+    LG_SCRATCH(lg_var, chosen, NULL, count);
     bool all = count == f->channels;
     for (uint32_t i = 0; i < count; i++) all = all && lg_features_channel(f, i) == i;
-    for (uint32_t i = 0; i < count && !all; i++)
-        chosen = lg_features_behind(t, chosen, lg_slice(t, x, 1, lg_features_channel(f, i), 1));
-    return all ? x : chosen;
+    if (all || chosen == NULL) return all ? x : LG_NONE;
+    for (uint32_t i = 0; i < count; i++) chosen[i] = lg_slice(t, x, 1, lg_features_channel(f, i), 1);
+    return count == 1 ? chosen[0] : lg_concat(t, chosen, count, 1);
+}
+
+lg_status lg_features_record(lg_tape *t, const lg_features *f, lg_var eps, lg_var x, lg_var *out) {
+    *out = lg_feature_rows[f->kind]->record(t, f, eps, x);
+    return lg_is_none(*out) && lg_tape_status(t) == LG_OK ? LG_OUT_OF_MEMORY : lg_tape_status(t);
 }
 
 static lg_status features(void *user, lg_tape *t, const lg_var *w, const lg_var *x, lg_var *out) {
-    const lg_features *f = user;
     const lg_var eps = lg_input_f64(t, lg_shape1(1), (const double[]){DBL_EPSILON});
-    out[0] = lg_feature_rows[f->kind]->record(t, f, eps, x[0]);
-    return lg_is_none(out[0]) && lg_tape_status(t) == LG_OK ? LG_OUT_OF_MEMORY : lg_tape_status(t);
+    return lg_features_record(t, user, eps, x[0], out);
 }
 
 lg_status lg_features_ready(lg_features *f, lg_error *error) {
@@ -45,8 +47,8 @@ size_t lg_features_work_size(const lg_features *f) {
 
 lg_status lg_features_compute(const lg_features *f, const float *x, double *out, double *work) {
     LG_NEEDS(NULL, f, x, out, work);
-    const size_t n = (size_t)f->channels * f->length, over = (uintptr_t)work % LG_ALIGNMENT;
-    char *aligned = (char *)work + (over > 0 ? LG_ALIGNMENT - over : 0);
+    const size_t n = (size_t)f->channels * f->length;
+    char *aligned = (char *)work + -(uintptr_t)work % LG_ALIGNMENT;
     double *window = (double *)(void *)(aligned + lg_plan_work_size(f->plan));
     for (size_t i = 0; i < n; i++) window[i] = (double)x[i];
     lg_plan_eval(f->plan, (const void *const[]){window}, (void *const[]){out}, aligned);

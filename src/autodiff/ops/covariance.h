@@ -14,7 +14,7 @@ LG_API lg_var lg_covariance(lg_tape *tape, lg_var x, lg_var s, lg_var z, uint32_
 LG_API lg_var lg_centre(lg_tape *tape, lg_var x, lg_var s);
 /* The symmetric root (B, m, m) of the covariance of x (B, m, n) with rows times `factor` (m), a constant.
  * Each singular value of the centred rows is as accurate as the largest one. The derivative is 0 within the
- * null space of the covariance, which belongs to singular values below 2^-22 of the largest. */
+ * null space of the covariance, which belongs to singular values below 2^-22 + m eps of the largest. */
 LG_API lg_var lg_covariance_root(lg_tape *tape, lg_var x, lg_var factor);
 
 #endif

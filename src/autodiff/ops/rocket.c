@@ -105,8 +105,8 @@ float *lg_rocket_convolve(const lg_rocket_work *w, const lg_rocket_row *c, const
 static void compare(uint32_t features, const double *bias, float *y, size_t n, float unit, double *out) {
     float level[CHUNK];
     uint32_t count[CHUNK];
-    const size_t whole = (n + VECTOR - 1) / VECTOR * VECTOR;
-    for (size_t i = n; i < whole; i++) y[i] = -INFINITY;
+    size_t whole = n;
+    for (; whole % VECTOR != 0; whole++) y[whole] = -INFINITY;
     for (uint32_t j = 0; j < features; j += CHUNK) {
         const uint32_t some = features - j < CHUNK ? features - j : CHUNK;
         for (uint32_t i = 0; i < some; i++) level[i] = (float)bias[j + i] * unit;
@@ -129,12 +129,11 @@ static lg_status rocket_shape(const lg_shape *const *in, uint32_t inputs, const 
     if (x->rank != 3 || bias->rank != 1 || in[1]->rank != 1 || in[1]->dims[0] != x->dims[1] ||
         !lg_same_shape(in[1], in[2]))
         return LG_SHAPE;
-    if (attr->i[2] == 0 || attr->i[0] / ROW < attr->i[2]) return LG_INVALID_ARGUMENT;
+    if (attr->pointer == NULL || attr->i[2] == 0 || attr->i[0] / ROW < attr->i[2]) return LG_INVALID_ARGUMENT;
     *out = lg_shape2(x->dims[0], bias->dims[0]);
     const lg_rocket_table table = table_of(attr);
-    return attr->pointer == NULL || lg_rocket_check(&table, x->dims[1], x->dims[2], bias->dims[0]) == NULL
-               ? LG_OK
-               : LG_INVALID_ARGUMENT;
+    return lg_rocket_check(&table, x->dims[1], x->dims[2], bias->dims[0]) == NULL ? LG_OK
+                                                                                  : LG_INVALID_ARGUMENT;
 }
 
 static size_t rocket_numbers(const lg_evaluation *e) {

@@ -1,5 +1,5 @@
-/* x (m, m) becomes the symmetric solution of s x + x s = w, for the symmetric parts of s and w: between the
- * eigenvectors u_i and u_j of s it is w_ij/(s_i + s_j). Eigenvalues below 2^-22 of the largest, or what
+/* x (m, m) becomes the symmetric solution of s x + x s = w, for the symmetric parts of s >= 0 and w: between
+ * the eigenvectors u_i and u_j of s it is w_ij/(s_i + s_j). Eigenvalues below 2^-22 of the largest, or what
  * rounding leaves of nothing, count as 0; between null vectors, which need not be known, x is 0. For the
  * other vectors
  *   x = a + a^T,   a = sum_j (w u_j - sum_i u_i (u_i.w u_j) (2 s_i + s_j)/(2 (s_i + s_j)))/s_j u_j^T

@@ -52,10 +52,11 @@ static NOINLINE real part_above(int n, const real *y, float level) {
     return (real)count / (real)n;
 }
 
-/* Features f of random convolutions: the parts of a convolution's samples above the thresholds `bias`. All
- * sums are of floats and in the order of the library, so that the counts are the same. A row of the table
- * has kernel, dilation, padding, numbers of channels and of thresholds; behind the rows are the channels.
- * work: the scaled channels with zeros on both sides, sums of nine taps (m, n), a convolution (n). */
+/* Features f of random convolutions: the parts of a convolution's samples above the thresholds `bias`; NaN if
+ * a scaled sample is not finite. All sums are of floats and in the order of the library, so that the counts
+ * are the same. A row of the table has kernel, dilation, padding, numbers of channels and of thresholds;
+ * behind the rows are the channels. work: the scaled channels with zeros on both sides, sums of nine taps
+ * (m, n), a convolution (n). */
 static void rocket(int m, int n, int rows, const int *table, const real *x, const real *mean,
                    const real *inverse, const real *bias, real *f, real *work) {
     const int *channel = table + 5 * rows;
@@ -75,6 +76,7 @@ static void rocket(int m, int n, int rows, const int *table, const real *x, cons
             add_channel(n, kernel, dilation, *channel % 2 == 1 ? -1.0f : 1.0f,
                         z + *channel / 2 * (n + 2 * margin), sum + *channel / 2 * n, y);
         for (int i = 0; i < table[4]; i++)
-            *f++ = part_above(n - 2 * first, y + first, (float)*bias++ * (kernel < 84 ? rms : 1.0f));
+            *f++ = REAL(0.0) * (real)rms +
+                   part_above(n - 2 * first, y + first, (float)*bias++ * (kernel < 84 ? rms : 1.0f));
     }
 }
