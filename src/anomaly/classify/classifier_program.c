@@ -15,12 +15,12 @@
 
 /* Rows of SIGN are pairs of classes (i, j): 1 for i, -1 for j. LIVING is 1 for pairs whose classes both have
  * support vectors, PRESENT 1 for classes that have some. ORDER falls with the number of the class. EPS is the
- * relative distance of neighbouring numbers. */
-enum { MEAN, REST, INVERSE, COMPONENTS, WEIGHT, BIAS, VECTOR, THRESHOLD, FRACTION, SIGN, LIVING, PRESENT };
-enum { ORDER = PRESENT + 1, EPS, PARAMETERS };
-static const char *const names[PARAMETERS] = {"mean",   "rest",    "inverse",   "components", "weight",
-                                              "bias",   "vector",  "threshold", "fraction",   "sign",
-                                              "living", "present", "order",     "eps"};
+ * relative distance of neighbouring numbers; features alone need no other parameter. */
+enum { EPS, MEAN, REST, INVERSE, COMPONENTS, WEIGHT, BIAS, VECTOR, THRESHOLD, FRACTION, SIGN, LIVING };
+enum { PRESENT = LIVING + 1, ORDER, PARAMETERS };
+static const char *const names[PARAMETERS] = {"eps",    "mean",   "rest",    "inverse",   "components",
+                                              "weight", "bias",   "vector",  "threshold", "fraction",
+                                              "sign",   "living", "present", "order"};
 
 typedef struct chain {
     const lg_classifier *c;
@@ -116,7 +116,7 @@ static void add_parameters(chain *ch) {
     const size_t outputs = c->classes == 2 ? 1 : c->classes;
     for (int i = 0; i < PARAMETERS; i++) ch->parameter[i] = (lg_parameter_spec){names[i], lg_shape1(1), NULL};
     ch->parameter[EPS].values = &eps;
-    if (c->pca.inputs == 0) return; /* features alone */
+    if (c->pca.inputs == 0) return;
     add_standardisation(ch);
     if (c->method == LG_METHOD_TREE) {
         add_tree(ch);
@@ -273,7 +273,7 @@ static lg_status build(const lg_context *context, const lg_classifier *classifie
     lg_program_spec_init(&spec);
     add_parameters(&ch);
     spec.parameters = ch.parameter;
-    spec.parameter_count = PARAMETERS;
+    spec.parameter_count = classifier->pca.inputs > 0 ? PARAMETERS : 1;
     spec.functions = functions + first;
     spec.function_count = count;
     spec.description = "a classifier of windows by their features";
@@ -289,8 +289,8 @@ lg_status lg_classifier_program(const lg_context *context, const lg_classifier *
     LG_NEEDS(error, classifier, out);
     if (classifier->pca.inputs == 0 || (unsigned)classifier->method >= LG_METHOD_COUNT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the classifier is not fitted");
-    const bool windows = classifier->features.count == classifier->pca.inputs;
-    return build(context, classifier, 0, windows ? FUNCTIONS : FEATURES, out, error);
+    return build(context, classifier, 0,
+                 classifier->features.count == classifier->pca.inputs ? FUNCTIONS : FEATURES, out, error);
 }
 
 lg_status lg_features_ready(lg_features *f, lg_error *error) {
