@@ -66,16 +66,16 @@ static lg_var record_cov(lg_tape *t, const lg_features *f, lg_var eps, lg_var x)
 /* Mean, minimum, maximum and slope of each channel. Mean and slope are computed from the differences between
  * the samples and the window's first sample: a large constant offset causes no rounding errors. */
 static lg_var record_levels(lg_tape *t, const lg_features *f, lg_var eps, lg_var x) {
-    const double n = f->length, unit = f->length > 1 ? 12 * f->rate / (n * (n * n - 1)) : 0;
+    const double n = f->length, unit = n > 1 ? 12 * f->rate / (n * (n * n - 1)) : 0;
     LG_SCRATCH(double, weight, NULL, f->length);
     if (weight == NULL) return LG_NONE;
     for (uint32_t i = 0; i < f->length; i++) weight[i] = unit * (i - 0.5 * (n - 1));
-    const lg_var by = lg_input_f64(t, lg_shape2(f->length, 1), weight), z = lg_features_chosen(t, f, x),
-                 first = lg_stop_gradient(t, lg_slice(t, z, 2, 0, 1)), change = lg_sub(t, z, first);
-    const lg_var of[] = {lg_add(t, first, lg_mean_axis(t, change, 2, true)),
-                         lg_neg(t, lg_max_axis(t, lg_neg(t, z), 2, true)), lg_max_axis(t, z, 2, true),
-                         lg_matmul(t, change, by)};
-    return rows_of(t, lg_concat(t, of, LG_COUNT(of), 2));
+    const lg_var z = lg_features_chosen(t, f, x), high = lg_max_axis(t, z, 2, true),
+                 low = lg_neg(t, lg_max_axis(t, lg_neg(t, z), 2, true)),
+                 first = lg_stop_gradient(t, lg_slice(t, z, 2, 0, 1)), change = lg_sub(t, z, first),
+                 mean = lg_add(t, first, lg_mean_axis(t, change, 2, true)),
+                 slope = lg_matmul(t, change, lg_input_f64(t, lg_shape2(f->length, 1), weight));
+    return rows_of(t, lg_concat(t, (lg_var[]){mean, low, high, slope}, 4, 2));
 }
 
 /* ---- powers ---- */
