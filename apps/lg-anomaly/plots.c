@@ -148,6 +148,13 @@ static void put_tree(app_plot *plot, const void *view) {
     (void)put_node(plot, v, 0, 0, &leaves);
 }
 
+static double deviation_of(const float *x, size_t n) {
+    double mean = 0, square = 0;
+    for (size_t t = 0; t < n; t++) mean += (double)x[t] / (double)n;
+    for (size_t t = 0; t < n; t++) square += ((double)x[t] - mean) * ((double)x[t] - mean);
+    return sqrt(square / (double)n);
+}
+
 /* Writes the regression line of each window and the range of the accelerations of its segments. */
 static void put_regressions(app_plot *plot, const void *view) {
     const viewing *v = view;
@@ -156,8 +163,7 @@ static void put_regressions(app_plot *plot, const void *view) {
     APP_FREE double *work = app_alloc(lg_features_work_size(features), 1);
     APP_FREE float *x = app_alloc((size_t)features->channels * features->length, sizeof *x);
     APP_FREE size_t *of_class = app_alloc(v->judged->classes, sizeof *of_class);
-    /* Where features_baseline.c leaves those of the segments of the first acceleration. */
-    const double *deviation = work + ((size_t)features->channels + 1) * features->length;
+    const size_t n = features->length, parts = features->segments, first = features->pair[0];
     const size_t every = shown(v->judged) / ((size_t)SHOWN_LINES * v->judged->classes) + 1;
     app_plot_text(plot, "%u", v->judged->classes);
     put_class_names(plot, v);
@@ -166,9 +172,11 @@ static void put_regressions(app_plot *plot, const void *view) {
         double least = DBL_MAX, most = -DBL_MAX;
         if (of_class[class]++ >= SHOWN_LINES) continue;
         features_of(v, at, x, f, work);
-        for (uint32_t s = 0; s < features->segments; s++) {
-            least = fmin(least, deviation[s]);
-            most = fmax(most, deviation[s]);
+        for (size_t s = 0, begin = 0, end; s < parts; s++, begin = end) {
+            end = (s + 1) * n / parts;
+            const double own = deviation_of(x + first * n + begin, end - begin) / features->scale[first];
+            least = fmin(least, own);
+            most = fmax(most, own);
         }
         APP_PLOT_ROW(plot, 9, (double)class + 1, f[0], f[1], least, most);
     }

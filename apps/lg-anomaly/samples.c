@@ -105,6 +105,10 @@ static char *cell_end(const sample_reader *reader, char *at) {
 
 /* ---- parsing a line ---- */
 
+/* Writes what is wrong with the line. */
+#define REJECT(reader, ...)                                                                                  \
+    ((void)snprintf((reader)->problem, sizeof(reader)->problem, __VA_ARGS__), SAMPLE_MALFORMED)
+
 /* False: the line has more fields than any layout. */
 static bool add_field(sample_reader *reader, double value) {
     if (reader->fields <= reader->channels) reader->field[reader->fields] = value;
@@ -118,7 +122,7 @@ static bool reject_word(sample_reader *reader, const char *word) {
     double number;
     const char *end = *word == '"' ? lg_decimal(word + 1, &number) : NULL;
     while (!ends_field(reader, word[n]) && n < 23) n++;
-    (void)snprintf(reader->problem, sizeof reader->problem, "'%.*s' is not a number", n, word);
+    (void)REJECT(reader, "'%.*s' is not a number", n, word);
     reader->words = end == NULL || *end != '"';
     return false;
 }
@@ -181,11 +185,9 @@ static bool split_line(sample_reader *reader, char *p, bool *open) {
     }
     column += *open;
     if (blanks && separator != '\0')
-        (void)snprintf(reader->problem, sizeof reader->problem, "blanks separate some numbers, '%c' others",
-                       separator);
+        (void)REJECT(reader, "blanks separate some numbers, '%c' others", separator);
     else if (column < reader->frame.columns)
-        (void)snprintf(reader->problem, sizeof reader->problem, "%u cells for %u names", column,
-                       reader->frame.columns);
+        (void)REJECT(reader, "%u cells for %u names", column, reader->frame.columns);
     else
         return true;
     return false;
@@ -220,9 +222,8 @@ static sample_kind reject_count(sample_reader *reader) {
         (void)snprintf(wanted, sizeof wanted, "%u, or %u with a time", c, c + 1);
     else
         (void)snprintf(wanted, sizeof wanted, "%u%s", c + timed, timed != 0 ? " with the time" : "");
-    (void)snprintf(reader->problem, sizeof reader->problem, "%s%u number%s, not %s", more ? "more than " : "",
-                   more ? c + 1 : reader->fields, reader->fields == 1 ? "" : "s", wanted);
-    return SAMPLE_MALFORMED;
+    return REJECT(reader, "%s%u number%s, not %s", more ? "more than " : "", more ? c + 1 : reader->fields,
+                  reader->fields == 1 ? "" : "s", wanted);
 }
 
 /* The layout that fits the line's number of fields. */
@@ -250,10 +251,9 @@ static sample_kind take_line(sample_reader *reader, const sample_line *line, cha
         sample[c] = !cut && fabs(value) <= (double)FLT_MAX ? (float)value : NAN;
     }
     if (!cut && !(timed && !isfinite(*time))) return SAMPLE_READ;
-    (void)snprintf(reader->problem, sizeof reader->problem, "%s",
-                   cut ? "the last line has no line end, so its last number may be cut"
-                       : "the time is not a number");
-    return SAMPLE_MALFORMED;
+    return REJECT(reader, "%s",
+                  cut ? "the last line has no line end, so its last number may be cut"
+                      : "the time is not a number");
 }
 
 /* ---- lines of words ---- */
@@ -439,17 +439,13 @@ sample_kind sample_next(sample_reader *reader, float *sample, double *time) {
         reader->line = line.number;
         if (line.cut) {
             reader->lines++;
-            (void)snprintf(reader->problem, sizeof reader->problem, "longer than %zu bytes",
-                           reader->csv.longest);
-            return SAMPLE_MALFORMED;
+            return REJECT(reader, "longer than %zu bytes", reader->csv.longest);
         }
         const size_t sign = lg_csv_comment(text);
         if (sign > 0 && take_names(reader, text + sign, true, false) != LG_OK) break;
         if (sign > 0 && hides_row(reader, text)) {
             reader->lines++;
-            (void)snprintf(reader->problem, sizeof reader->problem,
-                           "begins as a comment, but has as many cells as a row");
-            return SAMPLE_MALFORMED;
+            return REJECT(reader, "begins as a comment, but has as many cells as a row");
         }
         if (sign > 0 || *text == '\0') continue;
         const sample_kind kind = take_line(reader, &line, text, sample, time);

@@ -6,7 +6,6 @@
 #include "lg-anomaly/train.h"
 
 enum {
-    MAX_GRID = 1024,
     PRUNED_GROUPS = 200,   /* at most so many groups of neighbours keep an equal share of the features */
     PRUNED_WINDOWS = 20000 /* groups times training windows */
 };
@@ -83,15 +82,15 @@ static uint32_t *of_windows(const lg_cut_series *from, const uint32_t *stored) {
     return out;
 }
 
-static void compute_features(classical *self) {
+static lg_status compute_features(classical *self, lg_error *error) {
     const lg_cut_series *all = &state->all;
     const double begin = app_seconds();
-    APP_MUST(self->app, create_features(self->app, &self->model.file.classifier.features, &error));
-    APP_MUST(self->app, make_table(self, all, &self->table, &error));
+    LG_TRY(create_features(self->app, &self->model.file.classifier.features, error));
+    LG_TRY(make_table(self, all, &self->table, error));
     if (state->test == NULL)
         self->tested_table = self->table;
     else if (train_given.method != METHOD_ROCKET)
-        APP_MUST(self->app, make_table(self, &state->foreign, &self->tested_table, &error));
+        LG_TRY(make_table(self, &state->foreign, &self->tested_table, error));
     self->feature_seconds = app_seconds() - begin;
     const lg_series *series = &all->data.series;
     self->label = of_windows(all, series->label);
@@ -99,16 +98,15 @@ static void compute_features(classical *self) {
     self->unit = of_windows(all, train_run.split == LG_SPLIT_RUN     ? series->run
                                  : train_run.split == LG_SPLIT_GROUP ? series->group
                                                                      : NULL);
+    return LG_OK;
 }
 
 /* ---- candidates for the options ---- */
 
+/* METHOD_LOGISTIC and the following ones are in the order of lg_classifier_method. */
 static lg_classifier_method method_of(uint32_t method) {
-    static const lg_classifier_method methods[] = {
-        [METHOD_LOGISTIC] = LG_METHOD_LOGISTIC,     [METHOD_TREE] = LG_METHOD_TREE,
-        [METHOD_SVM_LINEAR] = LG_METHOD_SVM_LINEAR, [METHOD_SVM_RBF] = LG_METHOD_SVM_RBF,
-        [METHOD_BASELINE] = LG_METHOD_LOGISTIC,     [METHOD_ROCKET] = LG_METHOD_RIDGE};
-    return methods[method];
+    if (method == METHOD_ROCKET) return LG_METHOD_RIDGE;
+    return method == METHOD_BASELINE ? LG_METHOD_LOGISTIC : (lg_classifier_method)(method - METHOD_LOGISTIC);
 }
 
 /* The largest depth of trees that `--prune pre` tries, as published (table 6.7), by features and criterion. A
@@ -150,8 +148,8 @@ static void list_candidates(const app *self, choice *out) {
                given = train_given.grid.count > 0, automatic = svm && !app_given(self, "c") && !given;
     const double *grid = given ? train_given.grid.values : default_grid;
     const size_t count = given ? train_given.grid.count : automatic ? LG_COUNT(default_grid) : 0;
-    out->options = app_keep(MAX_GRID, sizeof *out->options);
     out->count = tree ? 6 * (deepest() - 1) : count > 0 ? count : 1;
+    out->options = app_keep(out->count, sizeof *out->options);
     for (uint32_t i = 0; i < out->count; i++) {
         lg_classifier_options *option = &out->options[i];
         *option = base;
@@ -189,7 +187,7 @@ static lg_status fit(const classical *self, const lg_classifier_options *options
 
 /* Keeps features with large weights, and fits their model again. Of few windows the weights say little: then
  * many small groups of features keep their largest ones. The table (rows, d) becomes (rows, count). */
-static lg_status prune(classical *self, const lg_classifier_options *options, lg_error *error) {
+static lg_status prune(classical *self, lg_error *error) {
     lg_classifier *model = &self->model.file.classifier;
     const size_t d = model->features.count,
                  count = train_is_number(train_given.prune) ? train_given.prune : 0,
@@ -204,20 +202,21 @@ static lg_status prune(classical *self, const lg_classifier_options *options, lg
     LG_TRY(lg_rocket_prune(&model->features, keep, count, error));
     for (size_t i = 0; i < state->all.windows.count; i++)
         for (size_t j = 0; j < count; j++) self->table[i * count + j] = self->table[i * d + keep[j]];
-    LG_TRY(fit(self, options, model, error));
+    LG_TRY(fit(self, &self->chosen.options[self->chosen.best], model, error));
     whole.features = (lg_features){0};
     lg_classifier_destroy(&whole);
     return LG_OK;
 }
 
 /* Scores windows from the features of all windows, table (windows, d), on one thread: so out->seconds is the
- * time on one thread. */
-static lg_status judge_rows(const app *self, const well_model *model, const lg_cut_series *from,
+ * time on one thread. Without a table the windows are scored one by one. */
+static lg_status judge_part(const app *self, const well_model *model, const lg_cut_series *from,
                             const lg_window_list *part, const double *table, lg_judgement *out,
                             lg_error *error) {
     const lg_classifier *classifier = &model->file.classifier;
-    APP_FREE void *work = app_alloc(lg_classifier_work_size(classifier), 1);
     const lg_scorer by = well_model_scorer(model);
+    if (table == NULL) return lg_judge(self->context, &by, from, part, self->threads, out, error);
+    APP_FREE void *work = app_alloc(lg_classifier_work_size(classifier), 1);
     LG_TRY(lg_judgement_begin(self->context, &by, from, part, out, error));
     for (size_t i = 0; i < out->count; i++)
         lg_classifier_score(classifier, table + (size_t)part->list[i] * classifier->features.count,
@@ -225,22 +224,12 @@ static lg_status judge_rows(const app *self, const well_model *model, const lg_c
     return lg_judgement_end(out, LG_OK, error);
 }
 
-static void judge_part(const classical *self, const lg_cut_series *from, const lg_window_list *part,
-                       const double *table, lg_judgement *out) {
-    const lg_scorer by = well_model_scorer(&self->model);
-    const app *program = self->app;
-    if (table != NULL)
-        APP_MUST(program, judge_rows(program, &self->model, from, part, table, out, &error));
-    else
-        APP_DO(program, lg_judge, &by, from, part, program->threads, out);
-}
-
 /* ---- accuracy of pruned trees against alpha ---- */
 
 static double accuracy_of(const classical *self, const well_model *model, const lg_cut_series *from,
                           const lg_window_list *part, const double *table) {
     APP_CLEAN(lg_judgement_destroy) lg_judgement judged = {0};
-    APP_MUST(self->app, judge_rows(self->app, model, from, part, table, &judged, &error));
+    APP_MUST(self->app, judge_part(self->app, model, from, part, table, &judged, &error));
     return judged.metrics.accuracy;
 }
 
@@ -345,42 +334,32 @@ static void report(const classical *self) {
     if (model->sort == WELL_CLASSICAL) app_json_real(out, "floor", (double)NAN);
 }
 
-/* ---- a trial of a search ---- */
+/* ---- training ---- */
 
+static lg_status learn(classical *self, lg_error *error) {
+    LG_TRY(compute_features(self, error));
+    choose(self);
+    const double begin = app_seconds();
+    LG_TRY(fit(self, &self->chosen.options[self->chosen.best], &self->model.file.classifier, error));
+    LG_TRY(prune(self, error));
+    network_recipe.training.seconds = app_seconds() - begin;
+    return LG_OK;
+}
+
+/* A trial of a search. */
 static lg_status run_trial(classical *self, lg_trial *trial, lg_error *error) {
-    const lg_classifier_options options = base_options(self->app);
-    lg_classifier *model = &self->model.file.classifier;
-    model->method = method_of(train_given.method);
-    self->label = of_windows(&state->all, state->all.data.series.label);
+    const lg_classifier *model = &self->model.file.classifier;
     lg_judgement judged = {0};
-    LG_TRY(create_features(self->app, &model->features, error));
-    LG_TRY(make_table(self, &state->all, &self->table, error));
-    LG_TRY(fit(self, &options, model, error));
-    LG_TRY(prune(self, &options, error));
-    LG_TRY(judge_rows(self->app, &self->model, &state->all, &state->validation, self->table, &judged, error));
-    trial->parameters = (uint64_t)model->features.count *
-                        (self->model.file.names.classes > 2 ? self->model.file.names.classes : 1);
+    LG_TRY(learn(self, error));
+    LG_TRY(judge_part(self->app, &self->model, &state->all, &state->validation, self->table, &judged, error));
+    trial->parameters = (uint64_t)model->features.count * (model->classes > 2 ? model->classes : 1);
     trial->objective = 1.0 - judged.metrics.accuracy;
     lg_judgement_destroy(&judged);
     return LG_OK;
 }
 
-/* ---- training ---- */
-
-static void train_classifier(classical *self) {
-    lg_classifier *model = &self->model.file.classifier;
-    model->method = method_of(train_given.method);
-    compute_features(self);
-    choose(self);
-    const double begin = app_seconds();
-    APP_MUST(self->app, fit(self, &self->chosen.options[self->chosen.best], model, &error));
-    APP_MUST(self->app, prune(self, &self->chosen.options[self->chosen.best], &error));
-    network_recipe.training.seconds = app_seconds() - begin;
-    APP_MUST(self->app, lg_detector_fit_novelty(&network_recipe.training, &self->model.file.novelty, &error));
-}
-
 /* Learns the training windows of the healthy class, number 0; all others are of one class. */
-static void train_novelty(classical *self) {
+static lg_status train_novelty(classical *self, lg_error *error) {
     lg_window_list *train = &state->train;
     const lg_cut_series *all = &state->all;
     lg_novelty_options options;
@@ -399,19 +378,25 @@ static void train_novelty(classical *self) {
     const double begin = app_seconds();
     lg_novelty_options_init(&options);
     options.margin = MARGIN;
-    APP_DO(self->app, lg_novelty_fit, &options, &all->data.series, &all->windows, train->list, train->count,
-           (int)self->app->threads, &self->model.file.novelty);
+    LG_TRY(lg_novelty_fit(self->app->context, &options, &all->data.series, &all->windows, train->list,
+                          train->count, (int)self->app->threads, &self->model.file.novelty, error));
     network_recipe.training.seconds = app_seconds() - begin;
+    return LG_OK;
 }
 
 static void run_training(classical *self) {
     const app *program = self->app;
     if (program->rank_count > 1)
         app_stop_usage(program, "only --classifier cnn can be trained by several ranks");
-    (train_given.method == METHOD_NOVELTY ? train_novelty : train_classifier)(self);
+    APP_MUST(program, (state->alone ? train_novelty : learn)(self, &error));
+    if (!state->alone)
+        APP_MUST(program,
+                 lg_detector_fit_novelty(&network_recipe.training, &self->model.file.novelty, &error));
     app_plot_check(program, plots_of(&self->model, true));
-    judge_part(self, &state->all, &state->train, self->table, &state->train_judged);
-    judge_part(self, lg_detector_tested(state), &state->tested, self->tested_table, &state->judged);
+    APP_MUST(program, judge_part(program, &self->model, &state->all, &state->train, self->table,
+                                 &state->train_judged, &error));
+    APP_MUST(program, judge_part(program, &self->model, lg_detector_tested(state), &state->tested,
+                                 self->tested_table, &state->judged, &error));
     classifier_file *file = &self->model.file;
     file->accuracy = state->judged.metrics.accuracy;
     file->f1 = state->judged.metrics.f1;

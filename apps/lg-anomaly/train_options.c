@@ -6,7 +6,6 @@
 /* ---- hyperparameters that are not in lg_detector_run ---- */
 
 enum {
-    CNN = 1u << METHOD_CNN,
     LOGISTIC = 1u << METHOD_LOGISTIC,
     TREE = 1u << METHOD_TREE,
     LINEAR = 1u << METHOD_SVM_LINEAR,
@@ -25,12 +24,11 @@ static const lg_field rows[] = {
             "regression lines of moment against acceleration, logistic regression; rocket: ridge regression "
             "on random convolutions; novelty: learns the healthy class alone, the others only test it"),
     ROW("features", U64, features, .low = 1, .high = TRAIN_NUMBERS,
-        LG_NAMES([LG_FEATURES_RAW] = "raw", [LG_FEATURES_STD] = "std", [LG_FEATURES_COV] = "cov",
-                 [LG_FEATURES_SPECTRUM] = "spectrum"),
-        .form = "a number", .value = "cov", .usual = true, .methods = CLASSICAL | ROCKET,
+        LG_NAMED(lg_feature_kind_name, LG_FEATURES_BASELINE), .form = "a number", .value = "cov",
+        .usual = true, .methods = CLASSICAL | ROCKET,
         .meaning = "Features of classical methods: the samples, standard deviations, the square root of the "
-                   "covariance, or the logarithms of the power in bands of frequency; rocket: their number "
-                   "(10000)"),
+                   "covariance, the logarithms of the power in bands of frequency, or levels (mean, minimum, "
+                   "maximum and slope of each channel, for slow plants); rocket: their number (10000)"),
     ROW("components", U64, components, .high = 1 << 20, .value = "0", .unit = "k",
         .methods = CLASSICAL | BASELINE, .meaning = "Number of principal components; 0: none"),
     ROW("directions", NAME, directions, LG_NAMES("xy", "x"), .value = "xy",

@@ -6,6 +6,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include "anomaly/novelty_internal.h"
 #include "lg-anomaly/watch.h"
 
 enum {
@@ -105,12 +106,10 @@ static void blame_silence(watching *self, lg_verdict *v) {
 }
 
 static void tell_silence(const watching *self, char text[REASON]) {
-    const lg_series *names = self->bench.names;
     const uint32_t c = most_silent(self);
-    const bool named = names->channel_name != NULL && names->channel_name[c][0] != '\0';
-    int used = named ? snprintf(text, REASON, "%s", names->channel_name[c])
-                     : snprintf(text, REASON, "channel %u", c + 1);
-    (void)snprintf(text + used, (size_t)(REASON - used), ": no number in %llu of %llu samples",
+    char channel[NOVELTY_NAME];
+    lg_novelty_channel(self->bench.names->channel_name, c, channel);
+    (void)snprintf(text, REASON, "%s: no number in %llu of %llu samples", channel,
                    (unsigned long long)self->silence.without[c], (unsigned long long)self->silence.samples);
 }
 

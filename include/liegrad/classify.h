@@ -26,18 +26,22 @@ LG_BEGIN_DECLS
 /* ---- features ---- */
 
 /* The features of a window of m selected channels, with their number d. docs/detectors.md ("Features") has
- * the formulas; denominators are `length`, channels are scaled except for RAW and STD. */
+ * the formulas; denominators are `length`, channels are scaled except for RAW, STD and LEVELS. */
 typedef enum lg_feature_kind {
     LG_FEATURES_RAW,      /* samples, channel by channel: m length */
     LG_FEATURES_STD,      /* standard deviation of each channel: m */
     LG_FEATURES_COV,      /* upper triangle of the root of the covariance matrix: m (m + 1)/2 */
     LG_FEATURES_SPECTRUM, /* ln(P + LG_FEATURES_FLOOR) of the power P in each band (lg_spectrum): m bands */
+    /* Mean, minimum, maximum and slope of each channel, for slow plants: 4 m. The slope is that of the
+     * least-squares line over time, in units of the signal per second (without a rate: per sample); 0 for
+     * windows of one sample. The derivative of a minimum or maximum goes to the first of equal samples. */
+    LG_FEATURES_LEVELS,
     LG_FEATURES_BASELINE, /* regression lines of moments on accelerations: 2 pairs */
     LG_FEATURES_ROCKET    /* random convolutions (lg_rocket, lg_rocket_fit): d numbers in [0, 1] */
 } lg_feature_kind;
-#define LG_FEATURE_KIND_COUNT 6
+#define LG_FEATURE_KIND_COUNT 7
 #define LG_FEATURES_FLOOR     1e-6 /* for SPECTRUM: the square of a thousandth of the scale */
-/* "raw", "std", "cov", "spectrum", "baseline" or "rocket"; "unknown" for any other value. */
+/* "raw", "std", "cov", "spectrum", "levels", "baseline" or "rocket"; "unknown" for any other value. */
 LG_API const char *lg_feature_kind_name(lg_feature_kind kind);
 
 /* Random convolution features, after MiniRocket (Dempster, Schmidt, Webb, KDD 2021; its version for several
@@ -77,7 +81,8 @@ typedef struct lg_features {
     uint32_t bands;            /* SPECTRUM: number of frequency bands */
     lg_spectrum spectrum;      /* SPECTRUM: the plan for `bands` */
     lg_rocket rocket;          /* ROCKET */
-    double *scale;             /* (channels) divisor of each channel; not used by RAW and STD */
+    double *scale;             /* (channels) divisor of each channel; not used by RAW, STD and LEVELS */
+    double rate;               /* LEVELS: samples per second; 1 if the series has no rate */
     lg_plan *plan;             /* of the features of a window */
     uint32_t count;            /* d: number of features */
     const lg_context *context; /* in whose memory the arrays are */
@@ -125,6 +130,7 @@ LG_API lg_status lg_features_compute(const lg_features *features, const float *x
 /* Writes the name of feature `index` and returns its length as snprintf does. The names are
  *   "raw acc_lower_x 17" (17 is the index of the sample), "std acc_lower_x", "cov acc_lower_x moment_x",
  *   "band 0.0117-0.0742 acc_lower_x" (the frequencies of the band in cycles per sample),
+ *   "mean acc_lower_x", "min acc_lower_x", "max acc_lower_x", "slope acc_lower_x",
  *   "intercept moment_x acc_lower_x", "slope moment_x acc_lower_x"
  * The channels are named as in `series`. A channel without a name is written as its number;
  * `series` may be NULL. */

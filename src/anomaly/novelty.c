@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "core/portions.h"
 #include "kernels/kernels.h"
 #include "anomaly/novelty_internal.h"
 
@@ -67,9 +68,8 @@ lg_status lg_novelty_prepare(lg_novelty *v, lg_error *error) {
 
 void lg_novelty_destroy(lg_novelty *v) {
     if (v == NULL) return;
-    double *const arrays[] = {v->mean,   v->scale,  v->still,     v->extreme, v->windows,
-                              v->centre, v->spread, v->precision, v->limit,   v->block};
-    for (size_t i = 0; i < LG_COUNT(arrays); i++) lg_free(v->context, arrays[i]);
+    LG_FREE_ALL(v->context, v->mean, v->scale, v->still, v->extreme, v->windows, v->centre, v->spread,
+                v->precision, v->limit, v->block);
     lg_spectrum_destroy(&v->spectrum);
     *v = (lg_novelty){.channels = 0};
 }
@@ -139,26 +139,35 @@ static double channel_features(const lg_novelty *v, const double *z, double *f, 
     return deviation;
 }
 
-typedef struct pieces {
+/* Parts of the caller's work memory. */
+typedef struct room {
     double *z, *deviation, *spectrum; /* z: (channels, length); deviation: (channels) */
-} pieces;
+    double *features, *still, *extreme, *square, *distances;
+} room;
 
-static pieces cut(const lg_novelty *v, void *work) {
-    pieces p = {.z = work};
-    p.deviation = p.z + (size_t)v->channels * v->length;
-    p.spectrum = p.deviation + v->channels;
-    return p;
+static room cut(const lg_novelty *v, lg_portions *from) {
+    room r;
+    r.z = lg_portion(from, (size_t)v->channels * v->length, sizeof *r.z);
+    r.deviation = lg_portion(from, v->channels, sizeof *r.deviation);
+    r.spectrum = lg_portion(from, lg_spectrum_work(&v->spectrum), sizeof *r.spectrum);
+    r.features = lg_portion(from, v->features, sizeof *r.features);
+    r.still = lg_portion(from, v->channels, sizeof *r.still);
+    r.extreme = lg_portion(from, v->channels, sizeof *r.extreme);
+    r.square = lg_portion(from, lg_novelty_groups(v), sizeof *r.square);
+    r.distances = lg_portion(from, v->features, 2 * sizeof *r.distances);
+    return r;
 }
 
-static size_t pieces_doubles(const lg_novelty *v) {
-    return (size_t)v->channels * v->length + v->channels +
-           (v->bands > 0 ? lg_spectrum_work(&v->spectrum) : 0);
+size_t lg_novelty_work_size(const lg_novelty *v) {
+    lg_portions from = {NULL, 0};
+    (void)cut(v, &from);
+    return from.used;
 }
 
 bool lg_novelty_features(const lg_novelty *v, const float *x, double *features, double *still,
                          double *extreme, void *work) {
     const lg_kernels *k = lg_kernels_for(LG_F64);
-    const pieces p = cut(v, work);
+    const room p = cut(v, &(lg_portions){work, 0});
     const size_t n = v->length;
     for (uint32_t c = 0; c < v->channels; c++) {
         double *z = p.z + c * n, *f = features + (size_t)c * of_channel(v);
@@ -280,40 +289,20 @@ static bool find_fault(const lg_novelty *v, const double *still, const double *e
     return false;
 }
 
-typedef struct room {
-    double *features, *still, *extreme, *square, *distances;
-    void *pieces;
-} room;
-
-static room furnish(const lg_novelty *v, double *features, void *work) {
-    room r = {.features = work};
-    r.still = r.features + v->features;
-    r.extreme = r.still + v->channels;
-    r.square = r.extreme + v->channels;
-    r.distances = r.square + lg_novelty_groups(v);
-    r.pieces = r.distances + 2 * (size_t)v->features;
-    if (features != NULL) r.features = features;
-    return r;
-}
-
-size_t lg_novelty_work_size(const lg_novelty *v) {
-    return (3 * (size_t)v->features + 2 * v->channels + lg_novelty_groups(v) + pieces_doubles(v)) *
-           sizeof(double);
-}
-
 void lg_novelty_eval(const lg_novelty *v, const float *x, lg_novelty_result *result, double *features,
                      void *work) {
-    const room space = furnish(v, features, work);
+    const room space = cut(v, &(lg_portions){work, 0});
+    if (features == NULL) features = space.features;
     lg_novelty_result r = {.distance = INFINITY};
-    const bool finite = lg_novelty_features(v, x, space.features, space.still, space.extreme, space.pieces);
+    const bool finite = lg_novelty_features(v, x, features, space.still, space.extreme, work);
     for (uint32_t c = 0; c < v->classes && finite; c++) {
         if (!(v->windows[c] > 0)) continue;
-        lg_novelty_distances(v, c, space.features, space.square, space.distances);
+        lg_novelty_distances(v, c, features, space.square, space.distances);
         const double ratio = farthest(v, space.square);
         if (!(ratio < r.distance)) continue;
         r.distance = ratio;
         r.nearest = c;
-        find_cause(v, space.features, &r);
+        find_cause(v, features, &r);
     }
     r.novel = find_fault(v, space.still, space.extreme, &r) || !(r.distance <= 1);
     *result = r;
@@ -334,10 +323,11 @@ void lg_novelty_noise(const lg_novelty *v, uint32_t class_index, const double *f
     }
 }
 
-static int name_channel(char (*names)[LG_SERIES_NAME], uint32_t channel, char text[LG_SERIES_NAME + 16]) {
-    return names != NULL && names[channel][0] != '\0'
-               ? snprintf(text, LG_SERIES_NAME + 16, "%s", names[channel])
-               : snprintf(text, LG_SERIES_NAME + 16, "channel %u", channel + 1);
+void lg_novelty_channel(char (*names)[LG_SERIES_NAME], uint32_t channel, char text[NOVELTY_NAME]) {
+    if (names != NULL && names[channel][0] != '\0')
+        (void)snprintf(text, NOVELTY_NAME, "%s", names[channel]);
+    else
+        (void)snprintf(text, NOVELTY_NAME, "channel %u", channel + 1);
 }
 
 /* Writes how the deviating feature differs from the usual. Writes nothing for the standard deviation, which
@@ -364,8 +354,8 @@ static int explain_feature(const lg_novelty *v, const lg_novelty_result *r, doub
 
 int lg_novelty_explain(const lg_novelty *v, const lg_novelty_result *r, char (*names)[LG_SERIES_NAME],
                        double rate, char *text, size_t size) {
-    char channel[LG_SERIES_NAME + 16], other[LG_SERIES_NAME + 16], more[128];
-    (void)name_channel(names, r->channel, channel);
+    char channel[NOVELTY_NAME], other[NOVELTY_NAME], more[128];
+    lg_novelty_channel(names, r->channel, channel);
     switch (r->cause) {
     case LG_NOVELTY_STILL:
         return snprintf(text, size, "%s: stands still for %u of %u samples", channel, r->samples, v->length);
@@ -377,7 +367,7 @@ int lg_novelty_explain(const lg_novelty *v, const lg_novelty_result *r, char (*n
         return lg_format(text, size, "%s: standard deviation %.3g times the usual%s", channel, r->deviation,
                          more);
     case LG_NOVELTY_PAIR:
-        (void)name_channel(names, r->other, other);
+        lg_novelty_channel(names, r->other, other);
         return lg_format(text, size, "%s and %s: correlation %.3g, usually %.3g", channel, other,
                          tanh(r->value), tanh(r->usual));
     case LG_NOVELTY_NONE:

@@ -38,5 +38,8 @@ bool lg_novelty_features(const lg_novelty *novelty, const float *x, double *feat
  * doubles per feature. */
 void lg_novelty_distances(const lg_novelty *novelty, uint32_t class_index, const double *features,
                           double *square, double *work);
+/* Writes the name of a channel, or "channel 1" for the first one without a name. names may be NULL. */
+enum { NOVELTY_NAME = LG_SERIES_NAME + 16 }; /* bytes */
+LG_API void lg_novelty_channel(char (*names)[LG_SERIES_NAME], uint32_t channel, char text[NOVELTY_NAME]);
 
 #endif

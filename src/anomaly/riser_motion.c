@@ -356,7 +356,7 @@ static lg_status take_samples(simulation *s, size_t count, float *samples, lg_er
 lg_status lg_riser_simulate(const lg_context *context, const lg_riser_parameters *parameters,
                             const lg_riser_run *run, size_t count, float *samples, lg_error *error) {
     simulation s = {.context = context, .parameters = parameters, .run = run};
-    if (!samples) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+    LG_NEEDS(error, samples);
     LG_TRY(lg_riser_parameters_check(parameters, error));
     const char *fault = run_fault(run);
     if (fault) return lg_fail(error, LG_INVALID_ARGUMENT, "riser: %s", fault);

@@ -154,7 +154,7 @@ TEST("invalid tables and options are refused, and the classifier is unchanged") 
 /* ---- archives ---- */
 
 static lg_series make_series(void) {
-    lg_series s = {.count = 24, .channels = 6, .length = 40, .classes = 3};
+    lg_series s = {.count = 24, .channels = 6, .length = 40, .classes = 3, .rate = 0.125};
     assert_ok(lg_series_allocate(NULL, &s, false, false));
     lg_rng rng = test_rng(9, 1);
     for (size_t i = 0; i < 24; i++) {
@@ -168,7 +168,8 @@ static lg_series make_series(void) {
 /* Chain t, fitted to features of the series. */
 static lg_classifier make_classifier(const lg_series *s, size_t t) {
     static const lg_feature_kind kinds[] = {LG_FEATURES_STD,      LG_FEATURES_COV,      LG_FEATURES_RAW,
-                                            LG_FEATURES_BASELINE, LG_FEATURES_SPECTRUM, LG_FEATURES_ROCKET};
+                                            LG_FEATURES_BASELINE, LG_FEATURES_SPECTRUM, LG_FEATURES_ROCKET,
+                                            LG_FEATURES_LEVELS};
     const lg_feature_kind kind = kinds[t % LG_COUNT(kinds)];
     lg_classifier c = {0};
     const lg_windows w = windows_of(s);
@@ -211,9 +212,11 @@ TEST("archives keep every bit") {
         assert_int_equal(lg_classifier_work_size(&back) / sizeof(double),
                          lg_classifier_work_size(&a->c) / sizeof(double));
         double *work = TEST_ARRAY(double, lg_classifier_work_size(&a->c) / sizeof(double)), kept[3], read[3];
+        /* the other kinds can be read by older versions */
         assert_int_equal(memory_find(&a->archive, "classifier/features/bands") != NULL,
-                         /* the other kinds can be read by older versions */
                          a->c.features.kind == LG_FEATURES_SPECTRUM);
+        assert_int_equal(memory_find(&a->archive, "classifier/features/rate") != NULL,
+                         a->c.features.kind == LG_FEATURES_LEVELS);
         for (size_t i = 0; i < s.count; i++) {
             assert_ok(lg_classifier_window(&a->c, s.x + i * 240, kept, work));
             assert_ok(lg_classifier_window(&back, s.x + i * 240, read, work));
@@ -340,7 +343,9 @@ TEST("invalid numbers in an archive are refused with the array's name") {
                 {2, "classifier/tree/node", 1, 1.5, LG_FORMAT},
                 {2, "classifier/tree/counts", 0, 999, LG_FORMAT},
                 {4, "classifier/svm/vectors_of", 0, 9999, LG_FORMAT},
-                {5, "classifier/svm/gamma", 0, -1.0, LG_FORMAT}};
+                {5, "classifier/svm/gamma", 0, -1.0, LG_FORMAT},
+                {6, "classifier/features/rate", 0, 0.0, LG_FORMAT},
+                {6, "classifier/features/rate", 0, INFINITY, LG_FORMAT}};
     lg_series s = make_series();
     for (size_t i = 0; i < sizeof lies / sizeof lies[0]; i++) {
         lg_classifier back;

@@ -205,20 +205,8 @@ static void all_chains(lg_feature_kind kind) {
             }
 }
 
-TEST("decisions and Jacobians of every method on raw samples are right") {
-    all_chains(LG_FEATURES_RAW);
-}
-
-TEST("decisions and Jacobians of every method on deviations are right") {
-    all_chains(LG_FEATURES_STD);
-}
-
-TEST("decisions and Jacobians of every method on the covariance are right") {
-    all_chains(LG_FEATURES_COV);
-}
-
-TEST("decisions and Jacobians of every method on the spectrum are right") {
-    all_chains(LG_FEATURES_SPECTRUM);
+TEST("decisions and Jacobians of every method on every kind of features are right") {
+    for (int kind = 0; kind < LG_FEATURES_ROCKET; kind++) all_chains((lg_feature_kind)kind);
 }
 
 TEST("Jacobians of spectra with several segments are right") {
@@ -227,10 +215,6 @@ TEST("Jacobians of spectra with several segments are right") {
         assert_int_equal(f->c.features.spectrum.segments, 4);
         against_differences(f, f->series.x, 37, 0x1p-5, 1e-9);
     }
-}
-
-TEST("decisions and Jacobians of every method on the baseline are right") {
-    all_chains(LG_FEATURES_BASELINE);
 }
 
 TEST("one chain of each kind has the right Jacobian, with zeros for channels that are not selected") {
@@ -246,8 +230,9 @@ TEST("one chain of each kind has the right Jacobian, with zeros for channels tha
     }
 }
 
-TEST("except for raw samples, Jacobians sum to zero over a channel") {
-    for (int kind = LG_FEATURES_STD; kind < LG_FEATURES_ROCKET; kind++) {
+TEST("except for samples and levels, Jacobians sum to zero over a channel") {
+    for (int kind = 0; kind < LG_FEATURES_ROCKET; kind++) {
+        if (kind == LG_FEATURES_RAW || kind == LG_FEATURES_LEVELS) continue;
         chain *f = make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_SVM_RBF, 0);
         double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);
         for (size_t c = 0; c < CHANNELS; c++) {
@@ -263,8 +248,9 @@ TEST("except for raw samples, Jacobians sum to zero over a channel") {
 /* For a constant channel deviations have a kink, with derivative 0, but its covariance with the other
  * channels changes. Central differences cancel the kink, which is even, and have a first-order error in the
  * step. */
-TEST("a constant channel has the derivative zero, except for its covariance with others") {
-    for (int kind = LG_FEATURES_STD; kind < LG_FEATURES_ROCKET; kind++) {
+TEST("a constant channel has the derivative zero, except for its covariance with others and its level") {
+    for (int kind = 0; kind < LG_FEATURES_ROCKET; kind++) {
+        if (kind == LG_FEATURES_RAW || kind == LG_FEATURES_LEVELS) continue;
         chain *f =
             make(make_series(CHANNELS, LENGTH, 2), (lg_feature_kind)kind, false, LG_METHOD_LOGISTIC, 0);
         for (size_t t = 0; t < LENGTH; t++) f->series.x[t] = 0.75f;
@@ -278,6 +264,29 @@ TEST("a constant channel has the derivative zero, except for its covariance with
         jacobian = jacobian_of(f, f->series.x, y);
         for (size_t i = 0; i < f->inputs; i++) assert_close(jacobian[i], 0.0, 0, 0);
     }
+}
+
+/* The derivative of a minimum or maximum goes to the first of the samples that are equal to it, here to
+ * samples 3 and 4, and for the constant channel 0 to sample 0. */
+TEST("levels have exact derivatives, at ties too") {
+    lg_series s = make_series(2, LENGTH, 2);
+    s.rate = 4.0;
+    chain *f = make(s, LG_FEATURES_LEVELS, false, LG_METHOD_LOGISTIC, 0);
+    float *x = f->series.x;
+    for (size_t t = 0; t < LENGTH; t++) {
+        x[t] = 7.25f;
+        x[LENGTH + t] = t % 10 == 3 ? -9.0f : t % 10 == 4 ? 9.0f : 0.125f * (float)(t % 7);
+    }
+    double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, x, y);
+    for (size_t c = 0; c < 2; c++)
+        for (size_t t = 0; t < LENGTH; t++) {
+            const double n = LENGTH, part[4] = {1 / n, t == 3 * c, t == 4 * c,
+                                                4.0 * 12 * (t - 0.5 * (n - 1)) / (n * (n * n - 1))};
+            double wanted = 0.0;
+            for (size_t i = 0; i < 4; i++)
+                wanted += part[i] * f->c.logistic.weight[4 * c + i] / f->c.pca.scale[4 * c + i];
+            assert_close(jacobian[c * LENGTH + t], wanted, 1e-13, 1e-14);
+        }
 }
 
 TEST("derivatives for linearly dependent channels agree with differences") {
@@ -393,16 +402,17 @@ TEST("a level baseline has slope zero, with zero derivatives") {
     }
 }
 
-TEST("for windows of one sample only raw features have derivatives") {
+TEST("for windows of one sample only raw features and levels have derivatives") {
+    static const lg_feature_kind kinds[] = {LG_FEATURES_RAW, LG_FEATURES_STD, LG_FEATURES_COV,
+                                            LG_FEATURES_LEVELS};
     for (int method = 0; method < LG_METHOD_COUNT; method++)
-        for (int kind = LG_FEATURES_RAW; kind <= LG_FEATURES_COV; kind++) {
-            chain *f =
-                make(make_series(3, 1, 3), (lg_feature_kind)kind, false, (lg_classifier_method)method, 0);
+        for (size_t k = 0; k < LG_COUNT(kinds); k++) {
+            const bool level = kinds[k] == LG_FEATURES_RAW || kinds[k] == LG_FEATURES_LEVELS;
+            chain *f = make(make_series(3, 1, 3), kinds[k], false, (lg_classifier_method)method, 0);
             double y[MOST_OUTPUTS], *jacobian = jacobian_of(f, f->series.x, y);
-            for (size_t i = 0; kind != LG_FEATURES_RAW && i < f->outputs * f->inputs; i++)
+            for (size_t i = 0; !level && i < f->outputs * f->inputs; i++)
                 assert_close(jacobian[i], 0.0, 0, 0);
-            if (kind == LG_FEATURES_RAW && method != LG_METHOD_TREE)
-                assert_true(largest_of(jacobian, f->inputs) > 1e-6);
+            if (level && method != LG_METHOD_TREE) assert_true(largest_of(jacobian, f->inputs) > 1e-6);
             against_differences(f, f->series.x, 1, 0x1p-5, 1e-9);
             against_scores(f, f->series.x);
         }

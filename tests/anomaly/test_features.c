@@ -92,6 +92,50 @@ TEST("features of many channels take memory in proportion to their number") {
     }
 }
 
+/* Channel 0 has an offset of 2^20 times its motion, channel 1 is constant, channel 2 is a straight line. */
+TEST("levels follow their definition, per second, with large offsets and constant channels") {
+    enum { N = 50 };
+    lg_series s = make_series(1, 6, N, true);
+    s.rate = 0.25;
+    for (int t = 0; t < N; t++) {
+        s.x[t] = 0x1p20f + (float)((7 * t) % 11 - 5);
+        s.x[N + t] = 1e5f + 0.1f;
+        s.x[2 * N + t] = 3.0f - 0.5f * (float)t;
+    }
+    lg_features f = features_of(LG_FEATURES_LEVELS, false, &s, N, NULL);
+    assert_int_equal(f.count, 24);
+    double *out = compute(&f, s.x);
+    for (int c = 0; c < 6; c++) {
+        long double low = INFINITY, high = -INFINITY, mean = 0, products = 0, squares = 0;
+        for (int t = 0; t < N; t++) {
+            const long double x = s.x[c * N + t];
+            low = x < low ? x : low;
+            high = x > high ? x : high;
+            mean += x / N;
+        }
+        for (int t = 0; t < N; t++) {
+            const long double seconds = (t - 0.5L * (N - 1)) / s.rate;
+            products += seconds * (s.x[c * N + t] - mean);
+            squares += seconds * seconds;
+        }
+        assert_close(out[4 * c], mean, 2e-16, 0);
+        assert_close(out[4 * c + 1], low, 0, 0);
+        assert_close(out[4 * c + 2], high, 0, 0);
+        assert_close(out[4 * c + 3], products / squares, 1e-12, 1e-18);
+    }
+    assert_close(out[4], out[5], 0, 0); /* without rounding errors */
+    assert_close(out[7], 0.0, 0, 0);
+    assert_close(out[11], -0.125, 1e-15, 0); /* -0.5 a sample, every 4 s */
+    s.rate = 0;                              /* unknown: per sample */
+    f = features_of(LG_FEATURES_LEVELS, false, &s, N, NULL);
+    out = compute(&f, s.x);
+    assert_close(out[11], -0.5, 1e-15, 0);
+    f = features_of(LG_FEATURES_LEVELS, true, &s, 1, NULL);
+    assert_int_equal(f.count, 12);
+    out = compute(&f, s.x);
+    for (int i = 0; i < 4; i++) assert_close(out[i], i < 3 ? (double)s.x[0] : 0.0, 0, 0);
+}
+
 /* S S must be the covariance of the scaled channels, with S symmetric and positive semidefinite; also if one
  * channel is the sum of two others and one is constant. */
 TEST("the root's square is the covariance, with dependent and constant channels") {
@@ -287,6 +331,10 @@ TEST("features are named after their channels") {
                  {LG_FEATURES_COV, false, 7, "cov acc_lower_y acc_upper_x", "cov 1 2"},
                  {LG_FEATURES_RAW, true, 41, "raw moment_x 1", "raw 4 1"},
                  {LG_FEATURES_SPECTRUM, true, 10, "band 0.125-0.175 acc_upper_x", "band 0.125-0.175 2"},
+                 {LG_FEATURES_LEVELS, true, 4, "mean acc_upper_x", "mean 2"},
+                 {LG_FEATURES_LEVELS, true, 5, "min acc_upper_x", "min 2"},
+                 {LG_FEATURES_LEVELS, true, 6, "max acc_upper_x", "max 2"},
+                 {LG_FEATURES_LEVELS, true, 7, "slope acc_upper_x", "slope 2"},
                  {LG_FEATURES_BASELINE, false, 3, "slope moment_y acc_lower_y", "slope 5 1"}};
     for (size_t i = 0; i < LG_COUNT(cases); i++) {
         char text[200];
@@ -355,13 +403,23 @@ TEST("windows, scalers and samples that do not fit are refused") {
     scale[1] = INFINITY;
     assert_status(lg_features_create(NULL, LG_FEATURES_COV, false, &s, 20, &zero, &f, &e), bad);
     assert_int_equal(f.count, 77);
+    for (int kind = 0; kind < LG_FEATURES_BASELINE; kind++) {
+        f = features_of((lg_feature_kind)kind, false, &s, 20, NULL);
+        const uint32_t values[] = {0, 10, 19};
+        double *y = TEST_ARRAY(double, f.count), *memory = lg_test_memory(lg_features_work_size(&f));
+        for (int t = 0; t < 20; t++) s.x[20 + t] = INFINITY; /* infinity is constant too */
+        assert_status(lg_features_compute(&f, s.x, y, memory), LG_NOT_FINITE);
+        for (int t = 0; t < 20; t++) s.x[20 + t] = 1.0f;
+        assert_ok(lg_features_compute(&f, s.x, y, memory));
+        for (size_t i = 0; i < LG_COUNT(values); i++)
+            for (int k = 0; k < 3; k++) {
+                s.x[20 + values[i]] = k == 0 ? NAN : k == 1 ? INFINITY : -INFINITY;
+                assert_status(lg_features_compute(&f, s.x, y, memory), LG_NOT_FINITE);
+                s.x[20 + values[i]] = 1.0f;
+            }
+    }
     f = features_of(LG_FEATURES_COV, false, &s, 20, NULL);
-    double out[6], *work = malloc(lg_features_work_size(&f));
-    for (int t = 0; t < 20; t++) s.x[20 + t] = INFINITY; /* infinity is constant too */
-    assert_status(lg_features_compute(&f, s.x, out, work), LG_NOT_FINITE);
-    for (int t = 0; t < 20; t++) s.x[20 + t] = 1.0f;
     s.x[30] = NAN;
-    assert_status(lg_features_compute(&f, s.x, out, work), LG_NOT_FINITE);
     const lg_windows w = windows_of(&s);
     double table[12];
     assert_status(lg_features_table(NULL, &f, &s, &w, 2, table, &e), LG_NOT_FINITE);
@@ -382,18 +440,16 @@ TEST("windows, scalers and samples that do not fit are refused") {
     assert_ok(lg_context_create(&options, &context));
     assert_status(lg_features_table(context, &f, &s, &w, 1, table, &e), LG_CANCELLED);
     lg_context_destroy(context);
-    free(work);
 }
 
 TEST("every allocation may fail") {
-    static const lg_feature_kind kinds[] = {LG_FEATURES_COV, LG_FEATURES_SPECTRUM};
     lg_series s = make_series(4, 6, 30, false);
     double table[4 * 48];
     const lg_windows w = windows_of(&s);
-    for (size_t k = 0; k < LG_COUNT(kinds); k++)
+    for (int kind = LG_FEATURES_STD; kind < LG_FEATURES_ROCKET; kind++)
         EVERY_ALLOCATION_FAILS(context, 1, {
             lg_features f = {0};
-            status = lg_features_create(context, kinds[k], false, &s, 30, NULL, &f, NULL);
+            status = lg_features_create(context, (lg_feature_kind)kind, false, &s, 30, NULL, &f, NULL);
             if (status == LG_OK) status = lg_features_table(context, &f, &s, &w, 2, table, NULL);
             lg_features_destroy(&f);
         });

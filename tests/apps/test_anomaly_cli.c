@@ -254,6 +254,8 @@ static const char *const methods[] = {
     "--method svm-linear --components 3",
     "--method svm-rbf --c 10 --gamma 0.1",
     "--method svm-rbf --folds 3 --split run",
+    "--method svm-linear --features levels --c 1",
+    "--method tree --features levels --max-depth 5",
     "--method baseline --window 120 --hop 30 --split run",
     "--method novelty --split run",
     "--epochs 2 --centred yes",
@@ -789,6 +791,35 @@ TEST("the line in the plot of a plane separates the windows as the network does"
     }
     assert_true(count > 0 && b != 0);
     assert_close((double)right / (double)count, accuracy, 1e-9, 0);
+}
+
+/* The first line is that of the first window. The ratio of its ends does not depend on the channel's
+ * scale. */
+TEST("lines in the plot of regressions range over the accelerations of the segments") {
+    enum { N = 300, PARTS = 10, PART = N / PARTS };
+    static char text[CLI_TEXT];
+    lg_series *series = &read_back("data.h5")->series;
+    lg_windows windows;
+    double least = INFINITY, most = 0, class, intercept, slope, from, to;
+    assert_ok(lg_windows_create(NULL, series, N, 0, &windows, NULL));
+    float *x = TEST_ARRAY(float, (size_t)series->channels *N);
+    lg_windows_copy(series, &windows, 0, x);
+    for (int p = 0; p < PARTS; p++) {
+        double sum = 0, squares = 0;
+        for (int t = p * PART; t < (p + 1) * PART; t++) {
+            sum += (double)x[t];
+            squares += (double)x[t] * (double)x[t];
+        }
+        const double deviation = sqrt(squares / PART - sum / PART * sum / PART);
+        least = fmin(least, deviation);
+        most = fmax(most, deviation);
+    }
+    cli_run(lg, "train data.h5 --method baseline --window 60 --test-fraction 0 --out p.h5 --plot line.svg");
+    (void)cli_read("line.dat", text, sizeof text);
+    const char *at = strstr(text, "\n\n\n");
+    assert_true(at != NULL && sscanf(at, "%lf %lf %lf %lf %lf", &class, &intercept, &slope, &from, &to) == 5);
+    assert_close(to / from, most / least, 1e-6, 0);
+    lg_windows_destroy(&windows);
 }
 
 /* Writes a file with other names of its classes, and of its channels if `channels`. */

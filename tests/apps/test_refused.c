@@ -452,7 +452,7 @@ static const refusal anomaly[] = {
     {TRAIN "--classifier tree --prune 10", 2, "--classifier tree takes none, pre or post"},
     {TRAIN "--classifier rocket --components 3", 2, "--classifier rocket has no such option"},
     {TRAIN "--classifier rocket --window 1", 2, "a window of 5 samples is too short"},
-    {TRAIN "--features cow", 2, "'cow' is neither raw, std, cov or spectrum nor"},
+    {TRAIN "--features cow", 2, "'cow' is neither raw, std, cov, spectrum or levels nor"},
     {TRAIN "--classifier tree --ccp-alpha 0.1", 2, "--ccp-alpha: needs --prune post"},
     {TRAIN "--classifier tree --prune pre --max-depth 3", 2, "--prune pre: chooses"},
     {TRAIN "--test-fraction 0.9 --validation-fraction 0.5", 2, "together below 1"},

@@ -124,6 +124,8 @@ static void draw(export_model *m, double *x, size_t v) {
                             f->scale[c] * exp(0.5 * lg_rng_normal(&m->rng)), c, x);
     for (size_t i = 0; i < f->selected && f->kind == LG_FEATURES_STD; i++)
         export_draw_channel(m, 0, pca->mean[i] + pca->scale[i] * lg_rng_normal(&m->rng), f->select[i], x);
+    for (size_t i = 0; i < f->selected && f->kind == LG_FEATURES_LEVELS; i++)
+        export_draw_channel(m, pca->mean[4 * i], f->scale[f->select[i]], f->select[i], x);
     for (size_t i = 0; i < f->selected * n && f->kind == LG_FEATURES_RAW; i++)
         x[f->select[i / n] * n + i % n] = (double)(float)export_round(
             m->source->options, pca->mean[i] + pca->scale[i] * lg_rng_normal(&m->rng));

@@ -9,7 +9,7 @@
 #define ROOT "classifier/"
 
 #define NAMES   3
-#define SCALARS 18
+#define SCALARS 19
 #define ARRAYS  19
 
 static void list_names(lg_classifier *c, lg_stored out[NAMES]) {
@@ -22,11 +22,12 @@ static void list_names(lg_classifier *c, lg_stored out[NAMES]) {
     memcpy(out, rows, sizeof rows);
 }
 
-/* Lists the numbers, which determine the sizes of all arrays. `bands` is stored for spectrum features only,
- * `convolutions` and `listed` for random convolutions. */
+/* Lists the numbers, which determine the sizes of all arrays. `bands` and `rate` are stored for the kinds
+ * that use them, `convolutions` and `listed` for random convolutions. */
 static void list_scalars(lg_classifier *c, lg_stored out[SCALARS]) {
     lg_features *f = &c->features;
-    const bool spectrum = f->kind == LG_FEATURES_SPECTRUM, rocket = f->kind == LG_FEATURES_ROCKET;
+    const lg_feature_row *kind = lg_feature_rows[f->kind];
+    const bool rocket = f->kind == LG_FEATURES_ROCKET;
     const lg_stored rows[SCALARS] = {
         {ROOT "classes", LG_ELEMENT_U32, .data = &c->classes},
         {ROOT "features/channels", LG_ELEMENT_U32, .data = &f->channels},
@@ -34,7 +35,8 @@ static void list_scalars(lg_classifier *c, lg_stored out[SCALARS]) {
         {ROOT "features/selected", LG_ELEMENT_U32, .data = &f->selected},
         {ROOT "features/segments", LG_ELEMENT_U32, .data = &f->segments},
         {ROOT "features/pairs", LG_ELEMENT_U32, .data = &f->pairs},
-        {ROOT "features/bands", LG_ELEMENT_U32, .data = spectrum ? &f->bands : NULL},
+        {ROOT "features/bands", LG_ELEMENT_U32, .data = kind->bands > 0 ? &f->bands : NULL},
+        {ROOT "features/rate", LG_ELEMENT_F64, .data = kind->rated ? &f->rate : NULL},
         {ROOT "features/count", LG_ELEMENT_U32, .data = &f->count},
         {ROOT "pca/inputs", LG_ELEMENT_U32, .data = &c->pca.inputs},
         {ROOT "pca/components", LG_ELEMENT_U32, .data = &c->pca.components},
@@ -151,6 +153,8 @@ static lg_status take_sizes(lg_classifier *c, lg_error *error) {
         {f->pairs <= f->channels && (baseline || f->pairs == 0), "features/pairs", "is out of range"},
         {f->bands == lg_spectrum_bands(f->length, f->bands) && (f->bands > 0) == (spectrum && f->count > 0),
          "features/bands", "is out of range"},
+        {!lg_feature_rows[f->kind]->rated || (isfinite(f->rate) && f->rate > 0), "features/rate",
+         "is out of range"},
         {(rocket || f->count == lg_features_count(f)) && f->count <= LG_FEATURES_MAX, "features/count",
          "does not fit the kind of the features"},
         {convolutions <= f->count && (convolutions > 0) == (rocket && f->count > 0), "rocket/convolutions",
@@ -269,7 +273,7 @@ static void forget_others(lg_classifier *c) {
 
 lg_status lg_classifier_load(const lg_context *context, const lg_archive_reader *reader, lg_classifier *out,
                              lg_error *error) {
-    if (reader == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+    LG_NEEDS(error, reader, out);
     LG_CLEAN(lg_classifier_destroy)
     lg_classifier c = {.features = {.context = context},
                        .pca = {.context = context},

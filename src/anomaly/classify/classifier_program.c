@@ -15,12 +15,12 @@
 
 /* Rows of SIGN are pairs of classes (i, j): 1 for i, -1 for j. LIVING is 1 for pairs whose classes both have
  * support vectors, PRESENT 1 for classes that have some. ORDER falls with the number of the class. EPS is the
- * relative distance of neighbouring numbers. */
-enum { MEAN, REST, INVERSE, COMPONENTS, WEIGHT, BIAS, VECTOR, THRESHOLD, FRACTION, SIGN, LIVING, PRESENT };
-enum { ORDER = PRESENT + 1, EPS, PARAMETERS };
-static const char *const names[PARAMETERS] = {"mean",   "rest",    "inverse",   "components", "weight",
-                                              "bias",   "vector",  "threshold", "fraction",   "sign",
-                                              "living", "present", "order",     "eps"};
+ * relative distance of neighbouring numbers; features alone need no other parameter. */
+enum { EPS, MEAN, REST, INVERSE, COMPONENTS, WEIGHT, BIAS, VECTOR, THRESHOLD, FRACTION, SIGN, LIVING };
+enum { PRESENT = LIVING + 1, ORDER, PARAMETERS };
+static const char *const names[PARAMETERS] = {"eps",    "mean",   "rest",    "inverse",   "components",
+                                              "weight", "bias",   "vector",  "threshold", "fraction",
+                                              "sign",   "living", "present", "order"};
 
 typedef struct chain {
     const lg_classifier *c;
@@ -48,7 +48,7 @@ static double *make(chain *ch, int which, size_t rows, size_t columns) {
  * are rounded themselves. */
 static void add_standardisation(chain *ch) {
     const lg_pca *p = &ch->c->pca;
-    const bool exact = ch->c->features.kind == LG_FEATURES_RAW;
+    const bool exact = lg_feature_rows[ch->c->features.kind]->exact;
     double *mean = make(ch, MEAN, 1, p->inputs), *inverse = make(ch, INVERSE, 1, p->inputs),
            *rest = make(ch, REST, 1, p->inputs);
     if (p->components > 0) give(ch, COMPONENTS, p->inputs, p->components, p->vectors);
@@ -116,6 +116,7 @@ static void add_parameters(chain *ch) {
     const size_t outputs = c->classes == 2 ? 1 : c->classes;
     for (int i = 0; i < PARAMETERS; i++) ch->parameter[i] = (lg_parameter_spec){names[i], lg_shape1(1), NULL};
     ch->parameter[EPS].values = &eps;
+    if (c->pca.inputs == 0) return;
     add_standardisation(ch);
     if (c->method == LG_METHOD_TREE) {
         add_tree(ch);
@@ -131,7 +132,7 @@ static void add_parameters(chain *ch) {
 
 static lg_var standardised(lg_tape *t, const chain *ch, const lg_var *w, lg_var f) {
     lg_var z = lg_sub(t, f, w[MEAN]);
-    if (ch->c->features.kind == LG_FEATURES_RAW) z = lg_sub(t, z, w[REST]);
+    if (lg_feature_rows[ch->c->features.kind]->exact) z = lg_sub(t, z, w[REST]);
     if (ch->c->pca.components == 0) return lg_mul(t, z, w[INVERSE]);
     return lg_matmul(t, z, lg_mul(t, w[COMPONENTS], lg_transpose(t, w[INVERSE])));
 }
@@ -200,10 +201,6 @@ static lg_status decide(void *user, lg_tape *t, const lg_var *w, const lg_var *f
 
 /* ---- scores ---- */
 
-static lg_var both(lg_tape *t, lg_var first, lg_var second) {
-    return lg_concat(t, (lg_var[]){first, second}, 2, 1);
-}
-
 /* The first class with the most votes gets the largest score. */
 static lg_var votes(lg_tape *t, const lg_classifier *c, const lg_var *w, lg_var y) {
     const lg_var for_first = lg_neg(t, lg_sign(t, lg_neg(t, y))); /* 1 for y > 0, else -1 */
@@ -226,7 +223,7 @@ static lg_status score(void *user, lg_tape *t, const lg_var *w, const lg_var *f,
     if (c->method == LG_METHOD_TREE)
         out[0] = y;
     else if (c->classes == 2)
-        out[0] = svm ? both(t, y, lg_neg(t, y)) : both(t, lg_neg(t, y), y);
+        out[0] = lg_concat(t, (lg_var[]){svm ? y : lg_neg(t, y), svm ? lg_neg(t, y) : y}, 2, 1);
     else
         out[0] = svm ? votes(t, c, w, y) : y;
     if (logistic) out[0] = c->classes == 2 ? lg_act(t, out[0], LG_SIGMOID) : lg_record_softmax(t, y);
@@ -236,7 +233,9 @@ static lg_status score(void *user, lg_tape *t, const lg_var *w, const lg_var *f,
 /* ---- from the window ---- */
 
 static lg_status features(void *user, lg_tape *t, const lg_var *w, const lg_var *x, lg_var *f) {
-    return lg_features_record(t, &((const chain *)user)->c->features, w[EPS], x[0], f);
+    const lg_features *of = &((const chain *)user)->c->features;
+    f[0] = lg_feature_rows[of->kind]->record(t, of, w[EPS], x[0]);
+    return lg_is_none(f[0]) && lg_tape_status(t) == LG_OK ? LG_OUT_OF_MEMORY : lg_tape_status(t);
 }
 
 static lg_status value(void *user, lg_tape *t, const lg_var *w, const lg_var *x, lg_var *y) {
@@ -257,15 +256,16 @@ static lg_status probability(void *user, lg_tape *t, const lg_var *w, const lg_v
 
 /* ---- the program ---- */
 
-/* The functions of features alone, or those of windows as well. */
-static lg_status build(const lg_context *context, const lg_classifier *classifier, bool windows,
+/* A program with `count` of the functions, from number `first` on. */
+enum { SCORE = 1, FEATURES, FUNCTIONS = 6 }; /* numbers of functions, and how many there are */
+static lg_status build(const lg_context *context, const lg_classifier *classifier, size_t first, size_t count,
                        lg_program **out, lg_error *error) {
     const lg_features *f = &classifier->features;
     chain ch = {.c = classifier};
     const lg_port x = {.name = "window", .shape = lg_shape2(f->channels, f->length)};
     const lg_port from = {.name = "features", .shape = lg_shape1(classifier->pca.inputs)};
     const lg_port y[] = {{.name = "y"}, {.name = "g"}}, scores = {.name = "scores"};
-    const lg_function_spec functions[] = {
+    const lg_function_spec functions[FUNCTIONS] = {
         {"decide", &from, 1, y, 1, decide, &ch},      {"score", &from, 1, &scores, 1, score, &ch},
         {"features", &x, 1, &from, 1, features, &ch}, {"value", &x, 1, y, 1, value, &ch},
         {"grad", &x, 1, y, 2, gradient, &ch},         {"probability", &x, 1, &scores, 1, probability, &ch}};
@@ -273,9 +273,9 @@ static lg_status build(const lg_context *context, const lg_classifier *classifie
     lg_program_spec_init(&spec);
     add_parameters(&ch);
     spec.parameters = ch.parameter;
-    spec.parameter_count = PARAMETERS;
-    spec.functions = functions;
-    spec.function_count = windows ? LG_COUNT(functions) : 2;
+    spec.parameter_count = classifier->pca.inputs > 0 ? PARAMETERS : 1;
+    spec.functions = functions + first;
+    spec.function_count = count;
     spec.description = "a classifier of windows by their features";
     const lg_status status =
         ch.failed ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the parameters of a classifier")
@@ -289,17 +289,23 @@ lg_status lg_classifier_program(const lg_context *context, const lg_classifier *
     LG_NEEDS(error, classifier, out);
     if (classifier->pca.inputs == 0 || (unsigned)classifier->method >= LG_METHOD_COUNT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the classifier is not fitted");
-    return build(context, classifier, classifier->features.count == classifier->pca.inputs, out, error);
+    return build(context, classifier, 0,
+                 classifier->features.count == classifier->pca.inputs ? FUNCTIONS : FEATURES, out, error);
+}
+
+lg_status lg_features_ready(lg_features *f, lg_error *error) {
+    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
+    const lg_classifier alone = {.features = *f};
+    LG_TRY(build(f->context, &alone, FEATURES, 1, &program, error));
+    return lg_program_plan(program, "features", LG_F64, 1, &f->plan, error);
 }
 
 lg_status lg_classifier_ready(const lg_context *context, lg_classifier *classifier, lg_error *error) {
     LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
     lg_plan_options options;
-    size_t at;
     if (classifier->method == LG_METHOD_TREE) return LG_OK; /* a plan would visit all nodes */
-    LG_TRY(build(context, classifier, false, &program, error));
+    LG_TRY(build(context, classifier, 0, FEATURES, &program, error));
     lg_plan_options_init(&options);
     options.max_size = SIZE_MAX;
-    LG_TRY(lg_program_find(program, "score", &at, error));
-    return lg_plan_create(program, at, &options, &classifier->scores, error);
+    return lg_plan_create(program, SCORE, &options, &classifier->scores, error);
 }

@@ -25,9 +25,11 @@ static inline double lg_dot(const double *a, const double *b, size_t n) {
     return lg_kernels_for(LG_F64)->dot(n, a, b);
 }
 
-/* Checks that every fit makes on its table. lg_check_table: the sizes fit LAPACK's integers and all numbers
- * are finite. lg_check_labels: labels are below `classes`, and at least `least` classes occur, one or two;
- * counts (classes; may be NULL) becomes the number of rows of each class. */
+/* Checks of fits. lg_check_c: C is positive, and there are 2 to LG_CLASSES_MAX classes. lg_check_table: the
+ * sizes fit LAPACK's integers and all numbers are finite. lg_check_labels: labels are below `classes`, and at
+ * least `least` classes occur, one or two; counts (classes; may be NULL) becomes the number of rows of each
+ * class. */
+lg_status lg_check_c(double c, uint32_t classes, lg_error *error);
 lg_status lg_check_table(const double *x, size_t n, uint32_t d, lg_error *error);
 lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, uint32_t least, size_t *counts,
                           lg_error *error);

@@ -1,26 +1,15 @@
-/* Features of windows: the table of kinds and the choice of channels. Recording and names of each kind are in
- * features_kinds.c and features_rocket.c. */
+/* Features of windows: the choice of channels, and names. The table of kinds is in features_kinds.c. */
 #include "anomaly/classify/features.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-const lg_feature_row *const lg_feature_rows[LG_FEATURE_KIND_COUNT] = {
-    [LG_FEATURES_RAW] = &lg_feature_raw,           [LG_FEATURES_STD] = &lg_feature_std,
-    [LG_FEATURES_COV] = &lg_feature_cov,           [LG_FEATURES_SPECTRUM] = &lg_feature_spectrum,
-    [LG_FEATURES_BASELINE] = &lg_feature_baseline, [LG_FEATURES_ROCKET] = &lg_feature_rocket,
-};
-
 const char *lg_feature_kind_name(lg_feature_kind kind) {
     return (unsigned)kind < LG_FEATURE_KIND_COUNT ? lg_feature_rows[kind]->name : "unknown";
 }
 
 /* ---- choice of channels ---- */
-
-static bool has_names(const lg_series *series) {
-    return series->channel_name != NULL;
-}
 
 static bool ends_in(const char *text, const char *end) {
     const size_t a = strlen(text), b = strlen(end);
@@ -37,7 +26,8 @@ static const char *after(const char *text, const char *start) {
  * Channels without names are taken as two acceleration sensors (x, y each), followed by the moments (x,
  * y). */
 static uint32_t moment_of(const lg_series *series, uint32_t channel) {
-    if (!has_names(series)) return channel < 2 && channel + 4 < series->channels ? channel + 4 : UINT32_MAX;
+    if (series->channel_name == NULL)
+        return channel < 2 && channel + 4 < series->channels ? channel + 4 : UINT32_MAX;
     const char *direction = after(series->channel_name[channel], "acc_lower");
     if (direction == NULL) return UINT32_MAX;
     for (uint32_t i = 0; i < series->channels; i++) {
@@ -49,7 +39,7 @@ static uint32_t moment_of(const lg_series *series, uint32_t channel) {
 
 static void choose_channels(const lg_series *series, bool directions_x, lg_features *f) {
     for (uint32_t i = 0; i < series->channels; i++) {
-        const bool x = has_names(series) ? ends_in(series->channel_name[i], "_x") : i % 2 == 0;
+        const bool x = series->channel_name != NULL ? ends_in(series->channel_name[i], "_x") : i % 2 == 0;
         if (directions_x && !x) continue;
         f->select[f->selected++] = i;
         const uint32_t moment = f->segments > 0 ? moment_of(series, i) : UINT32_MAX;
@@ -61,24 +51,26 @@ static void choose_channels(const lg_series *series, bool directions_x, lg_featu
 }
 
 uint64_t lg_features_count(const lg_features *f) {
-    return lg_feature_rows[f->kind]->count(f);
+    const lg_feature_row *row = lg_feature_rows[f->kind];
+    return row->count != NULL ? row->count(f) : (uint64_t)row->parts * f->selected;
 }
 
 static lg_status check_create(lg_feature_kind kind, const lg_series *series, uint32_t length,
                               const lg_scaler *scaler, lg_error *error) {
     if ((unsigned)kind >= LG_FEATURE_KIND_COUNT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown kind of features");
+    const lg_feature_row *row = lg_feature_rows[kind];
     if (series->channels == 0 || length == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "windows of %u channels and %u samples have no features",
                        series->channels, length);
     if (series->channels > LG_FEATURES_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT, "there are %u channels; at most %u are possible",
                        series->channels, LG_FEATURES_MAX);
-    if (length < lg_feature_rows[kind]->segments)
+    if (length < row->segments)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a window of %u samples is too short for the baseline, which cuts it into %u parts",
-                       length, lg_feature_rows[kind]->segments);
-    if (lg_feature_rows[kind]->bands > 0 && lg_spectrum_bands(length, lg_feature_rows[kind]->bands) == 0)
+                       length, row->segments);
+    if (row->bands > 0 && lg_spectrum_bands(length, row->bands) == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a window of %u samples is too short for a spectrum, which needs 4 at least", length);
     if (scaler == NULL) return LG_OK;
@@ -93,7 +85,6 @@ static lg_status check_create(lg_feature_kind kind, const lg_series *series, uin
 }
 
 static lg_status check_made(const lg_features *f, bool directions_x, lg_error *error) {
-    if (f->kind == LG_FEATURES_ROCKET && f->selected > 0) return LG_OK;
     if (f->selected == 0)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "there is no channel of the x-direction: no name ends in _x");
@@ -116,13 +107,15 @@ lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, boo
                             const lg_series *series, uint32_t length, const lg_scaler *scaler,
                             lg_features *out, lg_error *error) {
     LG_TRY(check_create(kind, series, length, scaler, error));
+    const lg_feature_row *row = lg_feature_rows[kind];
     LG_CLEAN(lg_features_destroy)
     lg_features f = {.kind = kind, .channels = series->channels, .length = length, .context = context};
     if (LG_ALLOC_ALL(context, LG_ARRAY(f.select, f.channels), LG_ARRAY(f.pair, 2 * (size_t)f.channels),
                      LG_ARRAY(f.scale, f.channels)) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the features of %u channels", f.channels);
-    f.segments = lg_feature_rows[kind]->segments;
-    f.bands = lg_spectrum_bands(length, lg_feature_rows[kind]->bands);
+    f.segments = row->segments;
+    f.bands = lg_spectrum_bands(length, row->bands);
+    f.rate = series->rate > 0 ? series->rate : 1;
     for (uint32_t i = 0; i < f.channels; i++) f.scale[i] = scaler != NULL ? scaler->scale[i] : 1.0;
     choose_channels(series, directions_x, &f);
     LG_TRY(check_made(&f, directions_x, error));
@@ -133,7 +126,7 @@ lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, boo
 lg_status lg_features_create(const lg_context *context, lg_feature_kind kind, bool directions_x,
                              const lg_series *series, uint32_t length, const lg_scaler *scaler,
                              lg_features *out, lg_error *error) {
-    if (series == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+    LG_NEEDS(error, series, out);
     if (kind == LG_FEATURES_ROCKET)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "random convolution features depend on training windows: take lg_rocket_fit");
@@ -156,13 +149,17 @@ void lg_features_destroy(lg_features *features) {
 /* ---- names ---- */
 
 int lg_channel_name(const lg_series *series, uint32_t channel, char *text, size_t size) {
-    if (series != NULL && channel < series->channels && has_names(series) &&
+    if (series != NULL && channel < series->channels && series->channel_name != NULL &&
         series->channel_name[channel][0] != '\0')
         return snprintf(text, size, "%.*s", LG_SERIES_NAME - 1, series->channel_name[channel]);
     return snprintf(text, size, "%u", channel);
 }
 
 int lg_features_name(const lg_features *f, const lg_series *series, uint32_t index, char *text, size_t size) {
+    const lg_feature_row *row = lg_feature_rows[f->kind];
+    char name[LG_SERIES_NAME];
     if (index >= f->count) return snprintf(text, size, "unknown");
-    return lg_feature_rows[f->kind]->describe(f, series, index, text, size);
+    if (row->describe != NULL) return row->describe(f, series, index, text, size);
+    (void)lg_channel_name(series, f->select[index / row->parts], name, sizeof name);
+    return snprintf(text, size, "%s %s", row->part[index % row->parts], name);
 }

@@ -16,8 +16,6 @@ static inline uint32_t lg_features_channel(const lg_features *f, uint32_t i) {
 }
 /* The rows of x (B, channels, ...) that belong to these channels, in their order. */
 lg_var lg_features_chosen(lg_tape *t, const lg_features *f, lg_var x);
-/* Records the features *out (B, d) of windows x (B, channels, length); eps as in lg_feature_row. */
-lg_status lg_features_record(lg_tape *t, const lg_features *f, lg_var eps, lg_var x, lg_var *out);
 /* Makes features->plan, which computes the features of a window. */
 lg_status lg_features_ready(lg_features *features, lg_error *error);
 
@@ -28,17 +26,22 @@ typedef struct lg_feature_row {
     uint32_t segments;
     /* Largest number of frequency bands, for kinds that use band powers. 0: the kind does not use powers. */
     uint32_t bands;
-    uint64_t (*count)(const lg_features *f); /* of features */
+    /* Names of the features of a channel, in kinds that have the same number of features for each one. */
+    const char *part[4];
+    uint32_t parts;
+    uint64_t (*count)(const lg_features *f); /* of features; NULL: `parts` for each channel */
+    bool exact; /* features are samples, or as exact: what single precision leaves out of means counts */
+    bool rated; /* features depend on the sampling rate, which files then store */
     /* Records the features (B, d) of windows x (B, channels, length). eps: the relative distance of
      * neighbouring numbers. */
     lg_var (*record)(lg_tape *t, const lg_features *f, lg_var eps, lg_var x);
-    /* Writes the name of feature `index` and returns its length as snprintf does. */
+    /* Writes the name of feature `index` and returns its length as snprintf does. NULL: a name of `part`, and
+     * the channel. */
     int (*describe)(const lg_features *f, const lg_series *series, uint32_t index, char *text, size_t size);
 } lg_feature_row;
 extern const lg_feature_row *const lg_feature_rows[LG_FEATURE_KIND_COUNT];
 
-extern const lg_feature_row lg_feature_raw, lg_feature_std, lg_feature_cov, lg_feature_spectrum,
-    lg_feature_baseline, lg_feature_rocket;
+extern const lg_feature_row lg_feature_rocket;
 
 /* As lg_features_create, for any kind, but without `count`. */
 lg_status lg_features_begin(const lg_context *context, lg_feature_kind kind, bool directions_x,

@@ -39,10 +39,6 @@ static lg_var record_raw(lg_tape *t, const lg_features *f, lg_var eps, lg_var x)
     return rows_of(t, lg_features_chosen(t, f, x));
 }
 
-static uint64_t std_count(const lg_features *f) {
-    return f->selected;
-}
-
 static lg_var record_std(lg_tape *t, const lg_features *f, lg_var eps, lg_var x) {
     return rows_of(t, deviations(t, f, false, x, 1));
 }
@@ -63,6 +59,23 @@ static lg_var record_cov(lg_tape *t, const lg_features *f, lg_var eps, lg_var x)
     const lg_var factor = lg_input_f64(t, lg_shape1(m), inverse);
     const lg_var root = lg_covariance_root(t, lg_features_chosen(t, f, x), factor);
     return lg_transpose(t, lg_gather(t, lg_transpose(t, rows_of(t, root)), entry, f->count));
+}
+
+/* ---- levels ---- */
+
+/* Mean, minimum, maximum and slope of each channel. Mean and slope are computed from the differences between
+ * the samples and the window's first sample: a large constant offset causes no rounding errors. */
+static lg_var record_levels(lg_tape *t, const lg_features *f, lg_var eps, lg_var x) {
+    const double n = f->length, unit = n > 1 ? 12 * f->rate / (n * (n * n - 1)) : 0;
+    LG_SCRATCH(double, weight, NULL, f->length);
+    if (weight == NULL) return LG_NONE;
+    for (uint32_t i = 0; i < f->length; i++) weight[i] = unit * (i - 0.5 * (n - 1));
+    const lg_var z = lg_features_chosen(t, f, x), high = lg_max_axis(t, z, 2, true),
+                 low = lg_neg(t, lg_max_axis(t, lg_neg(t, z), 2, true)),
+                 first = lg_stop_gradient(t, lg_slice(t, z, 2, 0, 1)), change = lg_sub(t, z, first),
+                 mean = lg_add(t, first, lg_mean_axis(t, change, 2, true)),
+                 slope = lg_matmul(t, change, lg_input_f64(t, lg_shape2(f->length, 1), weight));
+    return rows_of(t, lg_concat(t, (lg_var[]){mean, low, high, slope}, 4, 2));
 }
 
 /* ---- powers ---- */
@@ -134,13 +147,6 @@ static int describe_raw(const lg_features *f, const lg_series *series, uint32_t 
     return snprintf(text, size, "raw %s %u", name, index % f->length);
 }
 
-static int describe_std(const lg_features *f, const lg_series *series, uint32_t index, char *text,
-                        size_t size) {
-    char name[LG_SERIES_NAME];
-    (void)lg_channel_name(series, f->select[index], name, sizeof name);
-    return snprintf(text, size, "std %s", name);
-}
-
 static int describe_two(const char *what, uint32_t first, uint32_t second, const lg_series *series,
                         char *text, size_t size) {
     char names[2][LG_SERIES_NAME];
@@ -175,14 +181,20 @@ static int describe_spectrum(const lg_features *f, const lg_series *series, uint
                      fmin((s->edge[band + 1] - 0.5) / s->segment, 0.5), name);
 }
 
-#define KIND(kind, ...)                                                                                      \
-    const lg_feature_row lg_feature_##kind = {.name = #kind,                                                 \
-                                              .count = kind##_count,                                         \
-                                              .record = record_##kind,                                       \
-                                              .describe = describe_##kind,                                   \
-                                              __VA_ARGS__}
-KIND(raw, );
-KIND(std, );
-KIND(cov, );
-KIND(baseline, .segments = 10);
-KIND(spectrum, .bands = 8);
+/* ---- the table ---- */
+
+#define ROW(kind, ...)                                                                                       \
+    &(const lg_feature_row) {                                                                                \
+        .name = #kind, .record = record_##kind, __VA_ARGS__                                                  \
+    }
+#define KIND(kind, ...) ROW(kind, .count = kind##_count, .describe = describe_##kind, __VA_ARGS__)
+const lg_feature_row *const lg_feature_rows[LG_FEATURE_KIND_COUNT] = {
+    [LG_FEATURES_RAW] = KIND(raw, .exact = true),
+    [LG_FEATURES_STD] = ROW(std, .part = {"std"}, .parts = 1),
+    [LG_FEATURES_COV] = KIND(cov, ),
+    [LG_FEATURES_SPECTRUM] = KIND(spectrum, .bands = 8),
+    [LG_FEATURES_LEVELS] =
+        ROW(levels, .part = {"mean", "min", "max", "slope"}, .parts = 4, .exact = true, .rated = true),
+    [LG_FEATURES_BASELINE] = KIND(baseline, .segments = 10),
+    [LG_FEATURES_ROCKET] = &lg_feature_rocket,
+};

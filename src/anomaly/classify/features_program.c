@@ -1,9 +1,7 @@
-/* Features of windows as a program, and its plan. */
-#include <float.h>
+/* Features of a window, by the plan of their program. */
 #include <math.h>
 
 #include "anomaly/classify/features.h"
-#include "autodiff/program/program.h"
 
 lg_var lg_features_chosen(lg_tape *t, const lg_features *f, lg_var x) {
     const uint32_t count = lg_features_channels(f);
@@ -13,29 +11,6 @@ lg_var lg_features_chosen(lg_tape *t, const lg_features *f, lg_var x) {
     if (all || chosen == NULL) return all ? x : LG_NONE;
     for (uint32_t i = 0; i < count; i++) chosen[i] = lg_slice(t, x, 1, lg_features_channel(f, i), 1);
     return count == 1 ? chosen[0] : lg_concat(t, chosen, count, 1);
-}
-
-lg_status lg_features_record(lg_tape *t, const lg_features *f, lg_var eps, lg_var x, lg_var *out) {
-    *out = lg_feature_rows[f->kind]->record(t, f, eps, x);
-    return lg_is_none(*out) && lg_tape_status(t) == LG_OK ? LG_OUT_OF_MEMORY : lg_tape_status(t);
-}
-
-static lg_status features(void *user, lg_tape *t, const lg_var *w, const lg_var *x, lg_var *out) {
-    const lg_var eps = lg_input_f64(t, lg_shape1(1), (const double[]){DBL_EPSILON});
-    return lg_features_record(t, user, eps, x[0], out);
-}
-
-lg_status lg_features_ready(lg_features *f, lg_error *error) {
-    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
-    const lg_port window = {.name = "window", .shape = lg_shape2(f->channels, f->length)};
-    const lg_function_spec function = {"features", &window,  1, &(lg_port){.name = "features"},
-                                       1,          features, f};
-    lg_program_spec spec;
-    lg_program_spec_init(&spec);
-    spec.functions = &function;
-    spec.function_count = 1;
-    LG_TRY(lg_program_build(f->context, &spec, &program, error));
-    return lg_program_plan(program, "features", LG_F64, 1, &f->plan, error);
 }
 
 /* ---- the features of a window. work: the plan's memory, then the window in double precision ---- */

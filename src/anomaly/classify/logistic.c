@@ -463,12 +463,8 @@ static lg_status fit_model(const lg_context *context, const double *x, const uin
 
 lg_status lg_logistic_fit(const lg_context *context, const double *x, const uint32_t *label, size_t n,
                           uint32_t d, uint32_t classes, double c, lg_logistic *out, lg_error *error) {
-    if (label == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
-    if (!(c > 0.0) || !isfinite(c))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "C is %g, expected a positive number", c);
-    if (classes < 2 || classes > LG_CLASSES_MAX)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes: 2 to %u are expected", classes,
-                       LG_CLASSES_MAX);
+    LG_NEEDS(error, label, out);
+    LG_TRY(lg_check_c(c, classes, error));
     LG_TRY(lg_check_table(x, n, d, error));
     LG_TRY_SCRATCH(size_t, counts, context, classes,
                    lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %u classes", classes));

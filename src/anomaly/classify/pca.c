@@ -26,6 +26,15 @@ lg_status lg_check_table(const double *x, size_t n, uint32_t d, lg_error *error)
     return LG_OK;
 }
 
+lg_status lg_check_c(double c, uint32_t classes, lg_error *error) {
+    if (!(c > 0.0) || !isfinite(c))
+        return lg_fail(error, LG_INVALID_ARGUMENT, "C is %g, expected a positive number", c);
+    return classes >= 2 && classes <= LG_CLASSES_MAX
+               ? LG_OK
+               : lg_fail(error, LG_INVALID_ARGUMENT, "%u classes: 2 to %u are expected", classes,
+                         LG_CLASSES_MAX);
+}
+
 lg_status lg_check_labels(const uint32_t *label, size_t n, uint32_t classes, uint32_t least, size_t *counts,
                           lg_error *error) {
     bool differ = false;

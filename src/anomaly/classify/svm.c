@@ -306,17 +306,12 @@ static lg_status fit_model(training *t, const uint32_t *label, lg_svm *out, lg_e
 
 static lg_status check_fit(lg_kernel kernel, double c, double gamma, const uint32_t *label, uint32_t classes,
                            const lg_svm *out, lg_error *error) {
-    if (label == NULL || out == NULL) return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL");
+    LG_NEEDS(error, label, out);
     if (kernel != LG_KERNEL_LINEAR && kernel != LG_KERNEL_RBF)
         return lg_fail(error, LG_INVALID_ARGUMENT, "unknown kernel");
-    if (!(c > 0.0) || !isfinite(c))
-        return lg_fail(error, LG_INVALID_ARGUMENT, "C is %g, expected a positive number", c);
     if (isnan(gamma) || gamma > 1e300)
         return lg_fail(error, LG_INVALID_ARGUMENT, "gamma is %g, expected a number of at most 1e300", gamma);
-    if (classes < 2 || classes > LG_CLASSES_MAX)
-        return lg_fail(error, LG_INVALID_ARGUMENT, "%u classes: 2 to %u are expected", classes,
-                       LG_CLASSES_MAX);
-    return LG_OK;
+    return lg_check_c(c, classes, error);
 }
 
 lg_status lg_svm_fit(const lg_context *context, lg_kernel kernel, double c, double gamma, const double *x,
