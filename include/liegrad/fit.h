@@ -80,8 +80,8 @@ LG_API double lg_schedule_rate(const lg_schedule *schedule, uint64_t epoch, uint
 #define LG_FIT_CHUNK 128
 
 /* The learning problem. lg_fit copies this struct, and borrows everything that it points to. Set members that
- * are not needed to 0 or NULL. The callbacks `loss`, `residuals` and `linearise` are called by several
- * threads at once, each with its own tape. All callbacks must be pure functions of their arguments. A
+ * are not needed to 0 or NULL. The callbacks `loss`, `gradient`, `residuals` and `linearise` are called by
+ * several threads at once, each with its own tape. All callbacks must be pure functions of their arguments. A
  * callback that fails returns a status other than LG_OK, which ends lg_fit_run; so does a tape that fails.
  * Their argument `samples` lists indices of samples, from 0. A batch has `batch` samples, and a callback
  * gets a part of it, `count` >= 1 samples. */
@@ -91,10 +91,15 @@ typedef struct lg_fit_problem {
     /* Records the contribution of these samples to the loss of the batch: the contributions of all parts of a
      * batch add up to its loss. So if the loss is a mean, it records the sum over the `count` samples,
      * divided by `batch`. theta is a flat variable (rank 1) of the tape's type; *loss is a variable with one
-     * element. NULL: the sum of the squares of `residuals`, which then serve all methods. */
+     * element. NULL: the sum of the squares of `residuals`, which then serve all methods, or `gradient`. */
     lg_status (*loss)(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                       size_t batch, lg_var *loss);
     void *user; /* passed to all callbacks */
+    /* May be NULL. Computes in numbers what methods other than LG_FIT_LM otherwise get from a recording of
+     * `loss`: adds the samples' part of the loss to *loss and, unless `gradient` is NULL, its derivatives to
+     * gradient (parameters). theta and gradient have the type of the fit. */
+    lg_status (*gradient)(void *user, const void *theta, const uint32_t *samples, size_t count, size_t batch,
+                          double *loss, void *gradient);
     /* If > 0, the last `validation` samples are the validation part, and lg_fit_options.validation must be 0.
      * If 0, lg_fit_options.validation decides. */
     size_t validation;
@@ -280,6 +285,9 @@ typedef struct lg_fit_options {
     /* Training is finished when all epochs together, those before a load included, have taken this long.
      * Default 0: no limit. */
     double seconds;
+    /* true: where `seconds` end the epochs early, the cosine of the schedule ends with them. Its place is the
+     * larger one of the share of the epochs and the share of the seconds. Default false. */
+    bool hurry;
     size_t max_tape_size;      /* limit in bytes on the tape of each shard; default 0: no limit */
     uint64_t checkpoint_every; /* `checkpoint` is called each time after this many epochs; default 0: never */
     /* May be NULL. It is called on the thread of lg_fit_run when the state should be saved: as

@@ -288,9 +288,9 @@ LG_API lg_status lg_policy_run(const lg_policy *policy, const lg_policy_trial *t
 lg_status lg_policy_try(const lg_policy *policy, const lg_policy_trial *trial, const double *x, size_t n,
                         lg_policy_outcome *out, lg_policy_runs *wanted, lg_error *error);
 /* The noise of `periods` periods (periods, LG_POLICY_ROWS, n) and which of the runs of a piece are late
- * (LG_POLICY_ROWS), 0 or 1. */
+ * (LG_POLICY_ROWS), 0 or 1, in arrays of this type. */
 void lg_policy_draw_noise(const lg_policy *policy, uint64_t seed, uint64_t piece, size_t periods,
-                          double *noise, double *late);
+                          lg_dtype dtype, void *noise, void *late);
 size_t lg_policy_periods(const lg_policy *policy, double seconds);
 
 /* ---- the regulator (policy_regulator.c) ---- */

@@ -4,49 +4,26 @@
 #include <math.h>
 #include <string.h>
 
-#include "control/policy.h"
+#include "control/policy_rollout.h"
 #include "liegrad/minimise.h"
 
 /* For each start the search has GUESSES initial guesses (each is a row of the plans) and ROUNDS rounds of
  * EVALUATIONS evaluations. */
 enum { GUESSES = 8, ROUNDS = 9, EVALUATIONS = 20, HOW = LG_POLICY_PLANNED };
-enum { PLANNED, TERMINAL, ADJOINT_PLANNED, ADJOINT_TERMINAL, PLANS };
 
 typedef struct search {
     const lg_policy *policy;
     size_t starts, rows, steps, n; /* n: numbers in y, (steps, inputs) */
-    lg_policy_plans plans;
+    lg_policy_rollout rollout;     /* of `planned`, given y and how */
+    lg_policy_piece runs;
+    char *memory;
     lg_minimiser **minimiser;                              /* (rows) */
     double *z, *x, *policy_cost, *unit, *best, *by, *kept; /* (starts); by, kept: how and y of the best */
     double *guess, *how;                                   /* (rows): y and how of a run */
-    double *path, *y, *slope;                     /* (steps + 1, rows), (steps, rows): states, y and dJ/dy */
-    double *cost, *total, *one, *lambda[2], *own; /* (rows); own: y or slope of one row */
-    void *work;
-    double end; /* wall-clock time at which the search stops */
+    double *y, *slope;                                     /* (steps, rows): y and dJ/dy */
+    double *total, *own;                                   /* (rows); own: y or slope of one row */
+    double end;                                            /* wall-clock time at which the search stops */
 } search;
-
-/* The costs of the runs by s->y. */
-static void forward(search *s) {
-    const size_t x = s->policy->state, u = s->rows * s->policy->inputs;
-    memset(s->total, 0, s->rows * sizeof *s->total);
-    for (size_t r = 0; r < s->rows; r++) memcpy(s->path + r * x, s->x + r / GUESSES * x, x * sizeof *s->path);
-    for (size_t k = 0; k <= s->steps; k++) {
-        double *at = s->path + k * s->rows * x, *next = k < s->steps ? at + s->rows * x : s->cost;
-        lg_plan_eval(s->plans.plan[k < s->steps ? PLANNED : TERMINAL],
-                     (const void *[]){at, s->y + k * u, s->how}, (void *[]){next, s->cost, NULL}, s->work);
-        for (size_t r = 0; r < s->rows; r++) s->total[r] += s->cost[r];
-    }
-}
-
-static void backward(search *s) {
-    const size_t x = s->rows * s->policy->state, u = s->rows * s->policy->inputs;
-    lg_plan_eval(s->plans.plan[ADJOINT_TERMINAL], (const void *[]){s->path + s->steps * x, s->one},
-                 (void *[]){s->lambda[s->steps % 2]}, s->work);
-    for (size_t k = s->steps; k-- > 0;)
-        lg_plan_eval(s->plans.plan[ADJOINT_PLANNED],
-                     (const void *[]){s->path + k * x, s->y + k * u, s->how, s->lambda[(k + 1) % 2], s->one},
-                     (void *[]){s->lambda[k % 2], s->slope + k * u}, s->work);
-}
 
 /* Copies the y of a row into the arrays of periods, or out of them. */
 static void deal(const search *s, size_t r, double *own, double *all, bool into) {
@@ -63,7 +40,7 @@ static void take_best(search *s) {
         s->how[r * HOW + LG_POLICY_BEYOND] = s->how[r * HOW + LG_POLICY_PENALTY] = 0.0;
         deal(s, r, s->guess + r * s->n, s->y, true);
     }
-    forward(s);
+    lg_policy_cost(&s->rollout, &s->runs);
     for (size_t r = 0; r < s->rows; r++) {
         const size_t i = r / GUESSES;
         if (!(s->total[r] < s->best[i])) continue;
@@ -110,7 +87,8 @@ static lg_status search_round(search *s, double price, lg_error *error) {
         for (size_t r = 0; r < s->rows; r++)
             deal(s, r, memcpy(s->own, lg_minimiser_point(s->minimiser[r]), s->n * sizeof *s->own), s->y,
                  true);
-        forward(s), backward(s);
+        lg_policy_cost(&s->rollout, &s->runs);
+        lg_policy_backward(&s->rollout, &s->runs, INFINITY, NULL);
         for (size_t r = 0; r < s->rows; r++) {
             deal(s, r, s->own, s->slope, false);
             for (size_t k = 0; k < s->n; k++) s->own[k] /= s->unit[r / GUESSES];
@@ -136,7 +114,10 @@ static lg_status search_all(search *s, uint64_t seed, lg_error *error) {
     LG_TRY(lg_program_eval(p->context, p->program, "errors", s->starts, (const double *const[]){s->x},
                            (double *const[]){s->z}, error));
     for (size_t i = 0; i < s->starts; i++) s->best[i] = INFINITY;
-    for (size_t r = 0; r < s->rows; r++) s->one[r] = 1.0;
+    for (size_t r = 0; r < s->rows; r++) {
+        lg_put_numbers(LG_F64, s->runs.path, r * p->state, s->x + r / GUESSES * p->state, p->state);
+        lg_put_numbers(LG_F64, s->runs.weight, r, &(double){1.0}, 1);
+    }
     guess(s, seed);
     take_best(s);
     for (size_t i = 0; i < s->starts; i++) {
@@ -150,30 +131,29 @@ static lg_status search_all(search *s, uint64_t seed, lg_error *error) {
 }
 
 static lg_status allocate(search *s, lg_error *error) {
-    static const char *const names[PLANS] = {"planned", "terminal", "adj1_planned", "adj1_terminal"};
+    static const char *const names[] = {"planned", "terminal", "adj1_planned", "adj1_terminal"};
     const lg_policy *p = s->policy;
     const size_t x = p->state, errors = p->layout.errors, starts = s->starts, rows = s->rows, n = s->n;
-    LG_TRY(lg_policy_plans_create(p, false, names, PLANS, LG_F64, rows, &s->plans, error));
-    const size_t numbers =
-        starts * (errors + x + 3 + HOW + n) + rows * (3 * n + HOW + (s->steps + 3) * x + 3) + n;
-    if (LG_ALLOC_ALL(p->context, {&s->work, s->plans.work, 1}, LG_ARRAY(s->minimiser, rows),
+    s->rollout = (lg_policy_rollout){.policy = p, .dtype = LG_F64, .rows = rows, .most = s->steps};
+    LG_TRY(lg_policy_rollout_create(&s->rollout, names, LG_POLICY_PLANS, error));
+    const size_t numbers = starts * (errors + x + 3 + HOW + n) + rows * n + n;
+    if (LG_ALLOC_ALL(p->context, {&s->memory, s->rollout.bytes, 1}, LG_ARRAY(s->minimiser, rows),
                      LG_ARRAY(s->z, numbers)) != LG_OK)
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a search of inputs from %zu starts", starts);
+    lg_policy_piece_at(&s->rollout, s->memory, 0, &s->runs);
+    s->y = (double *)(void *)s->runs.given[0], s->how = (double *)(void *)s->runs.given[1];
+    s->slope = (double *)(void *)s->runs.slope;
     s->x = s->z + starts * errors, s->policy_cost = s->x + starts * x;
     s->unit = s->policy_cost + starts, s->best = s->unit + starts;
-    s->by = s->best + starts, s->kept = s->by + starts * HOW;
-    s->guess = s->kept + starts * n, s->y = s->guess + rows * n, s->slope = s->y + rows * n;
-    s->how = s->slope + rows * n, s->path = s->how + rows * HOW;
-    s->lambda[0] = s->path + (s->steps + 1) * rows * x, s->lambda[1] = s->lambda[0] + rows * x;
-    s->cost = s->lambda[1] + rows * x, s->total = s->cost + rows, s->one = s->total + rows;
-    s->own = s->one + rows;
+    s->by = s->best + starts, s->kept = s->by + starts * HOW, s->guess = s->kept + starts * n;
+    s->own = s->guess + rows * n, s->total = s->runs.total;
     return LG_OK;
 }
 
 static void end(search *s) {
-    lg_policy_plans_destroy(&s->plans);
+    lg_policy_plans_destroy(&s->rollout.plans);
     for (size_t r = 0; s->minimiser != NULL && r < s->rows; r++) lg_minimiser_destroy(s->minimiser[r]);
-    LG_FREE_ALL(s->policy->context, s->minimiser, s->work, s->z);
+    LG_FREE_ALL(s->policy->context, s->minimiser, s->memory, s->z);
 }
 
 static void fill(const search *s, lg_policy_gap *out, bool *complete) {

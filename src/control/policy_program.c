@@ -341,29 +341,19 @@ static const lg_policy_function rows[] = {
     {"disturbed", record_disturbed, {"s", "weights", "noise", "late"}, {"next", "cost", "u"}},
     {"disturbed_end", record_disturbed_end, {"s"}, {"cost"}}};
 
-/* Lists the names of the ports, except those that training does not vary. */
-static size_t list_names(const lg_port *ports, size_t count, const char **out) {
-    static const char *const given[] = {"noise", "late", "how", "u"};
-    size_t n = 0;
-    for (size_t i = 0; i < count; i++) {
-        bool kept = true;
-        for (size_t k = 0; k < LG_COUNT(given); k++) kept = kept && strcmp(ports[i].name, given[k]) != 0;
-        if (kept) out[n++] = ports[i].name;
-    }
-    return n;
-}
-
+/* By the state and what comes next to it, weights or y; of the next state and the cost. */
 static lg_status add_adjoint(const lg_policy *p, const char *function, lg_error *error) {
-    const char *in[4], *out[3];
-    size_t number, count;
+    size_t number, ins, outs;
     lg_derivative what;
-    lg_derivative_init(&what);
     LG_TRY(lg_program_find(p->program, function, &number, error));
-    const lg_port *from = lg_program_inputs(p->program, number, &count);
-    what.input_count = list_names(from, count, in);
-    from = lg_program_outputs(p->program, number, &count);
-    what.output_count = list_names(from, count, out);
+    const lg_port *from = lg_program_inputs(p->program, number, &ins),
+                  *to = lg_program_outputs(p->program, number, &outs);
+    const char *const in[] = {from[0].name, ins > 1 ? from[1].name : NULL}, *const out[] = {
+                                                                                to[0].name,
+                                                                                outs > 1 ? to[1].name : NULL};
+    lg_derivative_init(&what);
     what.kind = LG_DERIVATIVE_ADJOINT, what.function = function, what.inputs = in, what.outputs = out;
+    what.input_count = ins < 2 ? ins : 2, what.output_count = outs < 2 ? outs : 2;
     return lg_program_derive(p->program, &what, error);
 }
 

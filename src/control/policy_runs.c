@@ -3,8 +3,7 @@
 #include <string.h>
 
 #include "autodiff/program/program.h"
-#include "control/policy.h"
-#include "core/portions.h"
+#include "control/policy_rollout.h"
 
 enum { ROWS = LG_POLICY_ROWS };
 
@@ -70,50 +69,30 @@ void lg_policy_plans_destroy(lg_policy_plans *plans) {
     lg_free(plans->context, plans->plan);
 }
 
-void lg_policy_draw_noise(const lg_policy *p, uint64_t seed, uint64_t piece, size_t periods, double *noise,
-                          double *late) {
+void lg_policy_draw_noise(const lg_policy *p, uint64_t seed, uint64_t piece, size_t periods, lg_dtype dtype,
+                          void *noise, void *late) {
     double sizes[LG_POLICY_NOISE];
     const size_t n = p->layout.noise;
     lg_rng rng;
     lg_policy_noise_sizes(&p->task, sizes);
     lg_rng_seed(&rng, seed ^ UINT64_C(0xd1b54a32d192ed03), piece);
-    for (size_t i = 0; i < ROWS; i++) late[i] = lg_rng_uniform(&rng) < p->task.delay ? 1.0 : 0.0;
-    for (size_t i = 0; i < periods * ROWS * n; i++)
-        noise[i] = sizes[i % n] > 0.0 ? sizes[i % n] * lg_rng_normal(&rng) : 0.0;
+    for (size_t i = 0; i < ROWS; i++)
+        lg_put_numbers(dtype, late, i, &(double){lg_rng_uniform(&rng) < p->task.delay ? 1.0 : 0.0}, 1);
+    for (size_t i = 0; i < periods * ROWS * n; i++) {
+        const double size = sizes[i % n];
+        lg_put_numbers(dtype, noise, i, &(double){size > 0.0 ? size * lg_rng_normal(&rng) : 0.0}, 1);
+    }
 }
 
-enum { STEP, ERRORS, POSITIONS, PLANS }; /* POSITIONS: of a plant with velocities */
+enum { ERRORS = 1, POSITIONS, PLANS }; /* POSITIONS: of a plant with velocities */
 
 typedef struct running {
     const lg_policy *policy;
     const lg_policy_trial *trial;
-    lg_policy_plans plans;
     lg_policy_runs *runs;
-    size_t pieces, hold; /* periods at the end that must be inside */
-    size_t width, noise; /* numbers in the state of a run, and in its noise in a period */
-    char *memory;
-    size_t piece_bytes;
+    lg_policy_rollout rollout;
+    size_t hold; /* periods at the end that must be inside */
 } running;
-
-/* The work memory of a piece: states x, the input before, what a step takes and gives (width), errors and
- * behind them positions, costs, inputs, disturbances, and the plans' memory. */
-typedef struct piece {
-    double *x, *before, *state, *next, *z, *cost, *u, *noise, *late;
-    void *work;
-} piece;
-
-static size_t lay_out(const running *r, char *memory, piece *out) {
-    const lg_policy *p = r->policy;
-    double **const arrays[] = {&out->x,    &out->before, &out->state, &out->next, &out->z,
-                               &out->cost, &out->u,      &out->noise, &out->late};
-    const size_t noise = r->runs->steps * r->noise, z = p->layout.errors + p->layout.positions,
-                 counts[] = {p->state, p->inputs, r->width, r->width, z, 1, p->inputs, noise, 1};
-    lg_portions from = {memory, 0};
-    for (size_t i = 0; i < LG_COUNT(arrays); i++)
-        *arrays[i] = lg_portion(&from, ROWS * counts[i], sizeof(double));
-    out->work = lg_portion(&from, r->plans.work, 1);
-    return from.used;
-}
 
 bool lg_policy_at_limit(const lg_policy *p, const double *u) {
     for (uint32_t l = 0; l < p->inputs; l++) {
@@ -124,26 +103,34 @@ bool lg_policy_at_limit(const lg_policy *p, const double *u) {
     return false;
 }
 
-static void note(const running *r, const piece *w, size_t first, size_t count, size_t k) {
+/* The states x of a piece after k periods. */
+static void note(const running *r, const lg_policy_piece *w, double *x, size_t first, size_t count,
+                 size_t k) {
     const lg_policy *p = r->policy;
     lg_policy_runs *runs = r->runs;
-    const size_t n = p->layout.errors, positions = p->layout.positions;
-    const double *q = r->plans.count > POSITIONS ? w->z + ROWS * n : w->x;
-    for (size_t i = 0; i < count; i++) {
-        if (runs->path != NULL)
-            memcpy(runs->path + (k * runs->count + first + i) * n, w->z + i * n, n * sizeof *w->z);
-        if (k + r->hold > runs->steps && !lg_policy_inside(p, q + i * positions, w->z + i * n))
-            runs->succeeded[first + i] = false;
-    }
+    const size_t n = p->layout.errors, positions = p->layout.positions, state = r->rollout.state;
+    const double *path = (const double *)(const void *)w->path + k * ROWS * state, *q = x;
+    double *z = x + ROWS * p->state, *found = z + ROWS * n;
+    for (size_t i = 0; i < ROWS; i++) memcpy(x + i * p->state, path + i * state, p->state * sizeof *x);
+    if (runs->motion != NULL)
+        memcpy(runs->motion + (k * runs->count + first) * p->state, x, count * p->state * sizeof *x);
+    if (runs->path == NULL && k + r->hold <= runs->steps) return;
+    lg_plan_eval(w->plan[ERRORS], (const void *[]){x}, (void *[]){z}, w->work);
+    if (r->rollout.plans.count > POSITIONS)
+        lg_plan_eval(w->plan[POSITIONS], (const void *[]){x}, (void *[]){found}, w->work), q = found;
+    if (runs->path != NULL) memcpy(runs->path + (k * runs->count + first) * n, z, count * n * sizeof *z);
+    for (size_t i = 0; i < count && k + r->hold > runs->steps; i++)
+        if (!lg_policy_inside(p, q + i * positions, z + i * n)) runs->succeeded[first + i] = false;
 }
 
-static void tell(const running *r, const piece *w, size_t first, size_t count, size_t k) {
+static void tell(const running *r, const lg_policy_piece *w, size_t first, size_t count, size_t k) {
     const lg_policy *p = r->policy;
     lg_policy_runs *runs = r->runs;
-    for (size_t i = 0; i < count; i++) {
-        const double *u = w->u + i * p->inputs;
-        if (runs->cost != NULL) runs->cost[first + i] += w->cost[i];
-        if (runs->costs != NULL) runs->costs[k * runs->count + first + i] = w->cost[i];
+    const double *cost = (const double *)(const void *)w->cost + k * ROWS,
+                 *u = (const double *)(const void *)w->u + k * ROWS * p->inputs;
+    for (size_t i = 0; i < count; i++, u += p->inputs) {
+        if (runs->cost != NULL) runs->cost[first + i] += cost[i];
+        if (runs->costs != NULL) runs->costs[k * runs->count + first + i] = cost[i];
         if (runs->saturated != NULL && lg_policy_at_limit(p, u))
             runs->saturated[first + i] += 1.0 / (double)runs->steps;
         if (runs->input != NULL)
@@ -151,78 +138,38 @@ static void tell(const running *r, const piece *w, size_t first, size_t count, s
     }
 }
 
-/* The states of a piece; a last piece repeats its first start. */
-static void begin(const running *r, size_t index, size_t count, piece *w) {
-    const lg_policy *p = r->policy;
-    for (size_t i = 0; i < ROWS; i++) {
-        memcpy(w->x + i * p->state, r->runs->x + (index * ROWS + (i < count ? i : 0)) * p->state,
-               p->state * sizeof *w->x);
-        memcpy(w->before + i * p->inputs, p->regulator.u0, p->inputs * sizeof *w->before);
-    }
-    if (r->trial->disturbed)
-        lg_policy_draw_noise(p, r->trial->seed, index, r->runs->steps, w->noise, w->late);
-}
-
-/* Moves the states by period k. */
-static void step(const running *r, const lg_plan *plan, size_t k, piece *w) {
-    const lg_policy *p = r->policy;
-    const size_t x = p->state, n = r->width;
-    for (size_t i = 0; i < ROWS; i++) {
-        memcpy(w->state + i * n, w->x + i * x, x * sizeof *w->x);
-        if (n > x) memcpy(w->state + i * n + x, w->before + i * p->inputs, p->inputs * sizeof *w->x);
-    }
-    const void *in[4] = {w->state};
-    size_t count = 1;
-    if (r->trial->gain != NULL)
-        in[count++] = r->trial->gain;
-    else if (p->parameters > 0)
-        in[count++] = r->trial->theta;
-    in[count] = w->noise + k * ROWS * r->noise, in[count + 1] = w->late;
-    lg_plan_eval(plan, in, (void *[]){w->next, w->cost, w->u}, w->work);
-    for (size_t i = 0; i < ROWS; i++) {
-        memcpy(w->x + i * x, w->next + i * n, x * sizeof *w->x);
-        if (n > x) memcpy(w->before + i * p->inputs, w->next + i * n + x, p->inputs * sizeof *w->x);
-    }
-}
-
-static void run_piece(void *user, size_t index) {
+static lg_status run_piece(void *user, size_t index, lg_error *error) {
     const running *r = user;
     const lg_policy *p = r->policy;
     lg_policy_runs *runs = r->runs;
-    const size_t first = index * ROWS, left = runs->count - first, count = left < ROWS ? left : ROWS;
-    lg_plan *const *plan = r->plans.plan + index % r->plans.machines * r->plans.count;
-    piece w = {0};
-    (void)lay_out(r, r->memory + index * r->piece_bytes, &w);
-    begin(r, index, count, &w);
-    for (size_t k = 0; k <= runs->steps; k++) {
-        if (runs->motion != NULL)
-            memcpy(runs->motion + (k * runs->count + first) * p->state, w.x, count * p->state * sizeof *w.x);
-        if (runs->path != NULL || k + r->hold > runs->steps) {
-            lg_plan_eval(plan[ERRORS], (const void *[]){w.x}, (void *[]){w.z}, w.work);
-            if (r->plans.count > POSITIONS)
-                lg_plan_eval(plan[POSITIONS], (const void *[]){w.x},
-                             (void *[]){w.z + ROWS * p->layout.errors}, w.work);
-            note(r, &w, first, count, k);
-        }
-        if (k == runs->steps) break;
-        step(r, plan[STEP], k, &w);
-        tell(r, &w, first, count, k);
+    const size_t first = index * ROWS, left = runs->count - first, count = left < ROWS ? left : ROWS,
+                 numbers = ROWS * (p->state + p->layout.errors + p->layout.positions);
+    lg_policy_piece w = {0};
+    LG_TRY_SCRATCH(char, memory, p->context, r->rollout.bytes, lg_no_memory(error));
+    LG_TRY_SCRATCH(double, x, p->context, numbers, lg_no_memory(error));
+    lg_policy_piece_at(&r->rollout, memory, index, &w);
+    lg_policy_begin_runs(&r->rollout, runs->x + first * p->state, count, r->trial->seed, index, &w);
+    if (!r->rollout.varies[0])
+        memcpy(w.given[0], r->trial->gain != NULL ? r->trial->gain : r->trial->theta,
+               r->rollout.given[0] * sizeof(double));
+    lg_policy_forward(&r->rollout, &w);
+    for (size_t i = 0; i < count; i++) {
+        runs->succeeded[first + i] = true;
+        if (runs->cost != NULL) runs->cost[first + i] = 0.0;
+        if (runs->saturated != NULL) runs->saturated[first + i] = 0.0;
     }
-    memcpy(runs->x + first * p->state, w.x, count * p->state * sizeof *w.x);
+    for (size_t k = 0; k <= runs->steps; k++) {
+        note(r, &w, x, first, count, k);
+        if (k < runs->steps) tell(r, &w, first, count, k);
+    }
+    memcpy(runs->x + first * p->state, x, count * p->state * sizeof *x);
+    for (size_t i = 0; i < count * p->state; i++)
+        if (!isfinite(x[i])) runs->succeeded[first + i / p->state] = false;
+    return LG_OK;
 }
 
-static void run_all(running *r, lg_thread_pool *pool) {
-    const lg_policy *p = r->policy;
-    lg_policy_runs *runs = r->runs;
-    for (size_t i = 0; i < runs->count; i++) {
-        runs->succeeded[i] = true;
-        if (runs->cost != NULL) runs->cost[i] = 0.0;
-        if (runs->saturated != NULL) runs->saturated[i] = 0.0;
-    }
-    lg_thread_pool_run(pool, r->pieces, run_piece, r);
-    for (size_t i = 0; i < runs->count; i++)
-        for (uint32_t k = 0; k < p->state; k++)
-            if (!isfinite(runs->x[i * p->state + k])) runs->succeeded[i] = false;
+static void end(running *r) {
+    lg_policy_plans_destroy(&r->rollout.plans);
 }
 
 lg_status lg_policy_run(const lg_policy *p, const lg_policy_trial *trial, lg_policy_runs *runs,
@@ -230,18 +177,10 @@ lg_status lg_policy_run(const lg_policy *p, const lg_policy_trial *trial, lg_pol
     static const char *const steps[2][2] = {{"closed", "regulated"}, {"disturbed", "disturbed_regulator"}};
     const char *const names[PLANS] = {steps[trial->disturbed][trial->gain != NULL], "errors", "positions"};
     const size_t functions = p->layout.velocities > 0 ? PLANS : POSITIONS;
-    running r = {.policy = p, .trial = trial, .runs = runs, .width = p->state};
-    LG_CLEAN(lg_policy_plans_destroy) lg_policy_plans plans;
-    LG_CLEAN(lg_thread_pool_destroy_at) lg_thread_pool *pool = NULL;
-    if (trial->disturbed) r.width += p->inputs, r.noise = p->layout.noise;
-    LG_TRY(lg_policy_plans_create(p, trial->disturbed, names, functions, LG_F64, ROWS, &plans, error));
-    LG_TRY(lg_thread_pool_create(p->context, trial->threads, &pool));
-    r.plans = plans;
-    r.pieces = (runs->count + ROWS - 1) / ROWS;
+    LG_CLEAN(end) running r = {.policy = p, .trial = trial, .runs = runs};
     r.hold = lg_policy_periods(p, p->task.hold);
-    r.piece_bytes = lay_out(&r, NULL, &(piece){0});
-    LG_TRY_SCRATCH(char, memory, p->context, (uint64_t)r.pieces *r.piece_bytes, lg_no_memory(error));
-    r.memory = memory;
-    run_all(&r, pool);
-    return LG_OK;
+    r.rollout = (lg_policy_rollout){.policy = p, .dtype = LG_F64, .rows = ROWS, .most = runs->steps};
+    LG_TRY(lg_policy_rollout_create(&r.rollout, names, functions, error));
+    return lg_jobs_run(p->context, (uint64_t)trial->threads, (runs->count + ROWS - 1) / ROWS, run_piece, &r,
+                       error);
 }

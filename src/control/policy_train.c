@@ -1,16 +1,16 @@
-/* Policies: training. A race of seeds by Adam, then more Adam for the winner, then L-BFGS. Every step draws
- * its starts from a separate generator, so that a resumed run continues with the same bits. */
+/* Policies: training by lg_fit. A race of seeds by Adam, then more Adam for the winner, then L-BFGS. A sample
+ * of the fit is a piece of runs. Every piece of every step draws its starts from a separate generator, so
+ * that a resumed run continues with the same bits. */
 #include <math.h>
 #include <string.h>
 
-#include "control/policy_gradient.h"
+#include "control/policy_rollout.h"
 #include "core/stored.h"
-#include "kernels/kernels.h"
 #include "liegrad/fit.h"
-#include "liegrad/minimise.h"
 
-enum { VALIDATION = 512, FIXED = 512, LOOKS = 10, MOST_ROUNDS = 4 };
+enum { ROWS = LG_POLICY_ROWS, VALIDATION = 512, FIXED = 512, LOOKS = 10, MOST_ROUNDS = 4, MOST_SHARDS = 16 };
 enum { RACE, FINISH, POLISH, DONE };
+enum { COMMON = 8 }; /* numbers that a resumed run has in common with the saved one */
 
 /* Streams of random numbers of a seed. */
 enum { STREAM_VALIDATION = 2, STREAM_FIXED = 3, STREAM_STEPS = 16 };
@@ -22,21 +22,19 @@ typedef struct judged {
 struct lg_policy_trainer {
     lg_policy *policy;
     lg_policy_train_options options;
-    size_t n;               /* parameters */
-    uint32_t seeds, racers; /* racers: seeds that are left; they lie in the first slots of the arrays */
-    uint64_t *number;       /* (seeds): of the seed in a slot */
-    double *theta, *m, *v, *gradient; /* (seeds, parameters) */
-    double *best;                     /* (parameters) */
+    size_t n; /* parameters */
+    uint64_t seeds, common[COMMON];
+    uint64_t phase, round, step; /* round: of FINISH, which is repeated while many runs fail; step: of both */
+    uint64_t leader, racers;     /* racers: seeds that are left */
+    uint64_t *racing;            /* (seeds): 1 for a racer */
+    double *theta, *best;        /* (seeds, parameters); (parameters) */
+    double *validation;          /* starts (VALIDATION, state) */
     judged of_best;
-    uint32_t phase, leader;
-    uint64_t step;  /* of the phase */
-    uint32_t round; /* of the phase FINISH: it is repeated while many runs fail */
-    lg_policy_batch batch;
-    double *x;          /* starts of a step (seeds, starts, state) or (FIXED, state) */
-    double *validation; /* starts (VALIDATION, state) */
-    double *cost, **gradients;
-    lg_minimiser *minimiser; /* in the phase POLISH */
-    double begun, phase_begun;
+    lg_fit *fit; /* of the phase and round; NULL: it has not begun */
+    lg_policy_rollout rollout;
+    size_t pieces;              /* of runs, of each point */
+    double begun, spent, limit; /* spent, limit: seconds of the phase; limit 0: none */
+    lg_status status;           /* of what is done after a step */
     lg_error *error;
 };
 typedef struct lg_policy_trainer training;
@@ -55,20 +53,20 @@ void lg_policy_train_options_init(lg_policy_train_options *options) {
 }
 
 static lg_status check_options(const lg_policy_train_options *o, lg_error *error) {
-    if (o->size != sizeof *o || o->seeds == 0 || o->seeds > 1000 || o->starts == 0 ||
-        o->starts % LG_POLICY_ROWS != 0 || !(o->lr > 0.0) || !(o->seconds >= 0.0))
+    if (o->size != sizeof *o || o->seeds == 0 || o->seeds > 1000 || o->starts == 0 || o->starts % ROWS != 0 ||
+        !(o->lr > 0.0) || !(o->seconds >= 0.0))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "training needs 1 to 1000 seeds, a multiple of %d starts, and a learning rate above 0",
-                       LG_POLICY_ROWS);
+                       ROWS);
     return LG_OK;
 }
 
-/* ---- starts and judgements ---- */
+/* ---- judgements ---- */
 
-static lg_status draw_starts(const training *t, uint64_t stream, size_t count, double *x) {
+static lg_status draw_starts(const training *t, uint64_t stream, size_t count, double *x, lg_error *error) {
     lg_rng rng;
     lg_rng_seed(&rng, t->options.seed, stream);
-    return lg_policy_starts(t->policy, &rng, count, x, NULL, t->error);
+    return lg_policy_starts(t->policy, &rng, count, x, NULL, error);
 }
 
 static lg_status judge(const training *t, const double *theta, judged *out) {
@@ -107,267 +105,268 @@ static lg_status look(training *t, const double *theta, judged *found) {
     return LG_OK;
 }
 
-/* ---- time ---- */
-
-/* How much of the phase is done, by steps, or by time if there is a bound on it: the phases get these
- * shares. */
-static double done_of(const training *t, uint64_t steps) {
-    static const double share[] = {0.5, 0.25, 0.25};
-    const double by_steps = steps > 0 ? (double)t->step / (double)steps - t->round : 1.0;
-    if (t->options.seconds == 0.0) return by_steps;
-    double end = 0.0;
-    for (uint32_t i = 0; i <= t->phase; i++) end += share[i];
-    const double left = end * t->options.seconds - (t->phase_begun - t->begun);
-    return fmax(by_steps, left > 0.0 ? (lg_seconds() - t->phase_begun) / left : 1.0);
+/* Judges the racers. The worst ones leave the race, until `stay` are left. */
+static lg_status judge_racers(training *t, uint64_t stay) {
+    LG_TRY_SCRATCH(judged, found, t->policy->context, t->seeds, lg_no_memory(t->error));
+    for (uint64_t k = 0; k < t->seeds; k++)
+        if (t->racing[k]) LG_TRY(look(t, t->theta + k * t->n, &found[k]));
+    for (;; t->racers--) {
+        uint64_t best = t->seeds, worst = t->seeds;
+        for (uint64_t k = 0; k < t->seeds; k++) {
+            if (!t->racing[k]) continue;
+            if (best == t->seeds || leads(found[k], found[best])) best = k;
+            if (worst == t->seeds || !leads(found[k], found[worst])) worst = k;
+        }
+        t->leader = best;
+        if (t->racers <= stay) return LG_OK;
+        t->racing[worst] = 0;
+    }
 }
 
-/* How much of the phase is done, the same on all ranks. Errors: LG_CANCELLED (a rank is asked to stop before
- * the end of the phase), those of an exchange between ranks. */
-static lg_status go_on(const training *t, uint64_t steps, double *done) {
-    const lg_ranks *ranks = t->options.ranks;
-    *done = done_of(t, steps);
-    lg_status status = LG_OK;
-    if (ranks != NULL && t->options.seconds > 0.0) status = lg_ranks_share(ranks, 0, done, sizeof *done);
-    if (status != LG_OK) return lg_ranks_lost(ranks, status, t->error);
-    if (*done >= 1.0) return LG_OK;
-    status = lg_cancelled(t->policy->context) ? LG_CANCELLED : LG_OK;
-    return ranks != NULL ? lg_ranks_agree(ranks, status, t->error) : status;
-}
-
-static void report(const training *t, double done) {
-    if (t->options.progress == NULL) return;
-    const uint64_t finish = (t->round + 1) * t->options.finish,
-                   steps = t->options.race + finish + t->options.polish;
-    const uint64_t before[] = {0, t->options.race + t->round * t->options.finish, t->options.race + finish};
-    const uint64_t of[] = {t->options.race, t->options.finish, t->options.polish};
-    const lg_policy_progress now = {.step = before[t->phase] + (uint64_t)(done * (double)of[t->phase]),
-                                    .steps = steps,
-                                    .seed = t->leader,
-                                    .cost = t->of_best.cost,
-                                    .success = t->of_best.success,
-                                    .seconds = lg_seconds() - t->begun};
-    t->options.progress(t->options.user, &now);
-}
-
-/* ---- Adam ---- */
-
-/* The bound on the gradient's norm is in units of the cost: a thirteenth of the cost of the unforced
- * machine. */
-static double clip_of(const training *t, const double *gradient) {
-    const double bound = t->policy->terminal / 8.0;
-    double sum = 0.0;
-    for (size_t i = 0; i < t->n; i++) sum += gradient[i] * gradient[i];
-    return sum > bound * bound ? bound / sqrt(sum) : 1.0;
-}
-
-static lg_status run_batch(training *t) {
-    t->batch.ranks = t->options.ranks;
-    const lg_status status = lg_policy_batch_run(&t->batch, t->cost, t->gradients);
-    return status == LG_OK ? status : lg_ranks_lost(t->options.ranks, status, t->error);
-}
+/* ---- the cost of a piece of runs ---- */
 
 /* Periods of the runs of a step. A few chaotic runs spoil the gradient of long runs. Short runs with the
  * terminal cost learn more and take less time. The best length depends on the machine, so racers have
  * different lengths. The winner keeps its length in the first round. Each further round makes it longer by
  * half. */
-static size_t steps_of(const training *t, uint64_t seed) {
+static size_t periods_of(const training *t, uint64_t seed) {
     static const double share[] = {0.3, 0.5, 0.4};
-    const double part = fmin(1.0, share[seed % LG_COUNT(share)] * pow(1.5, t->round));
-    return (size_t)ceil(part * (double)t->batch.most);
+    if (t->phase == POLISH) return t->rollout.most;
+    const double part = fmin(1.0, share[seed % LG_COUNT(share)] * pow(1.5, (double)t->round));
+    return (size_t)ceil(part * (double)t->rollout.most);
 }
 
-/* One step of all points. A point whose gradient is not finite stays where it is in this step. */
-static lg_status adam_step(training *t, double done) {
-    lg_policy_batch *b = &t->batch;
-    lg_adam_options adam;
-    lg_adam_options_init(&adam);
-    adam.lr = t->options.lr;
-    const double rate = 0.5 * (1.0 + cos(3.14159265358979323846 * fmin(done, 1.0)));
-    for (size_t k = 0; k < b->points; k++) {
-        const uint64_t seed = t->phase == RACE ? t->number[k] : t->seeds;
-        double *x = t->x + k * b->count * t->policy->state;
-        LG_TRY(draw_starts(t, STREAM_STEPS + t->step * (t->seeds + 1) + seed, b->count, x));
-        b->starts[k] = x;
-        b->steps[k] = steps_of(t, t->phase == RACE ? t->number[k] : t->leader);
-        b->theta[k] = t->theta + k * t->n;
-    }
-    b->seed = t->options.seed, b->draw = t->step;
-    LG_TRY(run_batch(t));
-    for (size_t k = 0; k < b->points; k++)
-        if (lg_kernels_for(LG_F64)->all_finite(t->n, t->gradients[k]))
-            lg_adam_step(&adam, LG_F64, t->step + 1, rate, clip_of(t, t->gradients[k]), t->gradients[k], t->n,
-                         t->m + k * t->n, t->v + k * t->n, t->theta + k * t->n);
+/* The bound on the norm of a gradient is in units of the cost: a thirteenth of the cost of the unforced
+ * machine. */
+static double clip_of(const training *t) {
+    return t->policy->terminal / 8.0;
+}
+
+/* Adds the cost of piece `index` of a point, a mean over all its pieces, and the gradient (parameters). Of
+ * L-BFGS all steps have the same starts, and costs are cut. In the race the norm of each point's gradient is
+ * bounded. A piece whose gradient is not finite adds nothing to the gradient that Adam takes. */
+static lg_status add_piece(const training *t, uint64_t point, uint64_t index, const double *theta,
+                           double *loss, double *gradient) {
+    const lg_policy_rollout *r = &t->rollout;
+    const bool fixed = t->phase == POLISH, race = t->phase == RACE;
+    const uint64_t step = fixed ? 0 : t->step, number = step * t->pieces + index,
+                   stream = fixed ? STREAM_FIXED
+                                  : STREAM_STEPS + step * (t->seeds + 1) + (race ? point : t->seeds);
+    const double unit = t->policy->terminal;
+    double length = 0.0;
+    lg_policy_piece w = {0};
+    LG_TRY_SCRATCH(double, sum, t->policy->context, t->n + ROWS * r->policy->state, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(char, memory, t->policy->context, r->bytes, LG_OUT_OF_MEMORY);
+    lg_policy_piece_at(r, memory, number, &w);
+    w.steps = periods_of(t, race ? point : t->leader);
+    LG_TRY(draw_starts(t, stream * t->pieces + index, ROWS, sum + t->n, NULL));
+    lg_policy_begin_runs(r, sum + t->n, ROWS, t->options.seed, number, &w);
+    lg_put_numbers(r->dtype, w.given[0], 0, theta, t->n);
+    const double cost =
+        lg_policy_gradient(r, &w, fixed ? 20.0 * unit : INFINITY, fixed ? INFINITY : 5.0 * unit, sum);
+    for (size_t i = 0; i < t->n; i++) length += sum[i] * sum[i];
+    if (!fixed && !isfinite(cost + length)) return LG_OK;
+    const double by = (race ? fmin(1.0, clip_of(t) / sqrt(length)) : 1.0) / (double)t->pieces;
+    for (size_t i = 0; i < t->n; i++) gradient[i] += by * sum[i];
+    *loss += cost / (double)t->pieces;
     return LG_OK;
 }
 
-/* Orders the racers by their judgements, the best first, by exchanging slots. */
-static void order_racers(training *t, judged *found) {
-    for (uint32_t i = 0; i < t->racers; i++) {
-        uint32_t best = i;
-        for (uint32_t k = i + 1; k < t->racers; k++)
-            if (leads(found[k], found[best])) best = k;
-        if (best == i) continue;
-        double *const arrays[] = {t->theta, t->m, t->v};
-        for (size_t a = 0; a < LG_COUNT(arrays); a++) {
-            double *x = arrays[a] + i * t->n, *y = arrays[a] + best * t->n;
-            for (size_t j = 0; j < t->n; j++) t->gradient[j] = x[j], x[j] = y[j], y[j] = t->gradient[j];
-        }
-        const judged kept = found[i];
-        const uint64_t number = t->number[i];
-        found[i] = found[best], found[best] = kept;
-        t->number[i] = t->number[best], t->number[best] = number;
+static lg_status add_pieces(void *user, const void *theta, const uint32_t *samples, size_t count,
+                            size_t batch, double *loss, void *gradient) {
+    const training *t = user;
+    for (size_t i = 0; i < count; i++) {
+        const uint64_t point = samples[i] / t->pieces;
+        if (t->phase == RACE && !t->racing[point]) continue;
+        LG_TRY(add_piece(t, point, samples[i] % t->pieces, (const double *)theta + point * t->n, loss,
+                         (double *)gradient + point * t->n));
     }
-}
-
-static lg_status judge_racers(training *t) {
-    LG_TRY_SCRATCH(judged, found, t->policy->context, t->racers, lg_no_memory(t->error));
-    for (uint32_t k = 0; k < t->racers; k++) LG_TRY(look(t, t->theta + k * t->n, &found[k]));
-    order_racers(t, found);
-    t->leader = (uint32_t)t->number[0];
     return LG_OK;
-}
-
-/* After a third and after two thirds of the race the worse half leaves it. */
-static lg_status drop_racers(training *t, double done) {
-    const uint32_t stay = done < 1.0 / 3.0 ? t->seeds : (t->seeds + 1) / (done < 2.0 / 3.0 ? 2 : 4);
-    if (t->racers <= stay || t->racers <= 2) return LG_OK;
-    LG_TRY(judge_racers(t));
-    t->racers = stay > 2 ? stay : 2;
-    t->batch.points = t->racers;
-    return LG_OK;
-}
-
-static lg_status adam_phase(training *t, size_t points, uint64_t steps) {
-    /* The winner gets twice as many starts as a racer: they are two pieces of work. */
-    const uint64_t every = steps / LOOKS + 1, starts = (t->phase == RACE ? 1 : 2) * t->options.starts;
-    judged found;
-    if (t->batch.policy == NULL)
-        LG_TRY(
-            lg_policy_batch_create(t->phase == RACE && t->policy->warm != NULL ? t->policy->warm : t->policy,
-                                   LG_F32, points, starts, t->options.threads, &t->batch, t->error));
-    double done;
-    t->batch.bound = 5.0 * t->policy->terminal;
-    t->batch.points = t->phase == RACE ? t->racers : 1;
-    for (;;) {
-        LG_TRY(go_on(t, steps, &done));
-        if (done >= 1.0) return LG_OK;
-        if (t->phase == RACE) LG_TRY(drop_racers(t, done));
-        LG_TRY(adam_step(t, done));
-        t->step++;
-        if (t->phase == FINISH && t->step % every == 0) LG_TRY(look(t, t->theta, &found));
-        report(t, done);
-    }
 }
 
 /* ---- phases ---- */
 
-static void end_phase(training *t) {
-    lg_policy_batch_destroy(&t->batch);
-    lg_minimiser_destroy(t->minimiser);
-    t->minimiser = NULL;
+static uint64_t steps_of(const training *t, uint64_t phase) {
+    const lg_policy_train_options *o = &t->options;
+    return (uint64_t[]){o->race, o->finish, o->polish}[phase];
 }
 
-static void next_phase(training *t) {
-    end_phase(t);
-    t->phase++;
-    t->step = 0, t->round = 0;
-    t->phase_begun = lg_seconds();
+/* After a third and after two thirds of the race the worse half leaves it. In the other phases the policy is
+ * judged LOOKS times. */
+static lg_status judge_step(training *t, uint64_t epoch, double done) {
+    const uint64_t stay = done < 1.0 / 3.0 ? t->seeds : (t->seeds + 1) / (done < 2.0 / 3.0 ? 2 : 4),
+                   every = steps_of(t, t->phase) / LOOKS + 1;
+    judged found;
+    if (t->phase == RACE ? t->racers <= stay || t->racers <= 2 : epoch % every != 0) return LG_OK;
+    lg_fit_parameters(t->fit, t->theta);
+    return t->phase == RACE ? judge_racers(t, stay > 2 ? stay : 2) : look(t, t->theta, &found);
+}
+
+/* Judges and reports after a step. */
+static int end_step(void *user, const lg_fit_epoch *epoch) {
+    training *t = user;
+    const lg_policy_train_options *o = &t->options;
+    uint64_t before = t->round * o->finish;
+    for (uint64_t k = 0; k < t->phase; k++) before += steps_of(t, k);
+    t->spent += epoch->seconds;
+    const double by_time = t->limit > 0.0 ? fmin(t->spent / t->limit, 1.0) : 0.0,
+                 done = fmax((double)epoch->epoch / (double)epoch->epochs, by_time);
+    t->step = t->round * o->finish + epoch->epoch;
+    t->status = judge_step(t, epoch->epoch, done);
+    const lg_policy_progress now = {.step = before + (uint64_t)(done * (double)epoch->epochs),
+                                    .steps = o->race + (t->round + 1) * o->finish + o->polish,
+                                    .seed = (uint32_t)t->leader,
+                                    .cost = t->of_best.cost,
+                                    .success = t->of_best.success,
+                                    .seconds = lg_seconds() - t->begun};
+    if (o->progress != NULL) o->progress(o->user, &now);
+    return t->status != LG_OK;
+}
+
+static void end_fit(training *t) {
+    lg_fit_destroy(t->fit);
+    lg_policy_plans_destroy(&t->rollout.plans);
+    t->fit = NULL;
+    t->rollout.plans = (lg_policy_plans){0};
+}
+
+/* The fit of all points of the phase: their parameters one after the other. The winner of the race gets twice
+ * as many starts as a racer. If there is a bound on the time, the phases get these shares. */
+static lg_status begin_fit(training *t) {
+    static const char *const names[2][LG_POLICY_PLANS] = {
+        {"closed", "terminal", "adj1_closed", "adj1_terminal"},
+        {"disturbed", "disturbed_end", "adj1_disturbed", "adj1_disturbed_end"}};
+    static const double share[] = {0.5, 0.75, 1.0};
+    const lg_policy_train_options *o = &t->options;
+    const bool race = t->phase == RACE, fixed = t->phase == POLISH,
+               disturbed = lg_policy_is_disturbed(&t->policy->task);
+    const lg_policy *p = race && t->policy->warm != NULL ? t->policy->warm : t->policy;
+    const size_t points = race ? t->seeds : 1;
+    lg_fit_options options;
+    end_fit(t); /* a failed call may have left its plans */
+    t->pieces = fixed ? FIXED / ROWS : (race ? 1 : 2) * o->starts / ROWS;
+    t->rollout = (lg_policy_rollout){.policy = p, .dtype = fixed ? LG_F64 : LG_F32, .rows = ROWS};
+    t->rollout.most = lg_policy_periods(p, p->task.horizon);
+    LG_TRY(lg_policy_rollout_create(&t->rollout, names[disturbed], LG_POLICY_PLANS, t->error));
+    const lg_fit_problem problem = {.parameters = points * t->n,
+                                    .samples = points * t->pieces,
+                                    .gradient = add_pieces,
+                                    .user = t,
+                                    .chunk = 1};
+    lg_fit_options_init(&options);
+    options.plan.phases = 1;
+    options.plan.phase[0].method = fixed ? LG_FIT_LBFGS : LG_FIT_ADAM;
+    options.epochs = steps_of(t, t->phase);
+    options.adam.lr = o->lr;
+    options.schedule.kind = LG_SCHEDULE_COSINE;
+    options.clip_norm = race ? 0.0 : clip_of(t); /* of Adam alone */
+    options.shuffle = false, options.hurry = true;
+    options.shards = problem.samples < MOST_SHARDS ? (uint32_t)problem.samples : MOST_SHARDS;
+    options.seed = o->seed, options.threads = o->threads, options.ranks = o->ranks;
+    options.on_epoch = end_step, options.user = t;
+    t->spent = t->limit = 0.0;
+    if (o->seconds > 0.0) t->limit = fmax(share[t->phase] * o->seconds - (lg_seconds() - t->begun), 1e-9);
+    if (o->ranks != NULL) LG_TRY(lg_ranks_share(o->ranks, 0, &t->limit, sizeof t->limit));
+    options.seconds = t->limit;
+    return lg_fit_create(p->context, &problem, &options, t->theta, &t->fit, t->error);
 }
 
 /* The regulator without compensation, k = e^-100, is kept if training finds nothing better. */
 static lg_status try_plain(training *t) {
     const lg_policy *p = t->policy;
     judged found;
-    if (!p->task.compensate || p->task.kind != LG_POLICY_LQR || t->step > 0) return LG_OK;
-    memcpy(t->gradient, t->theta, t->n * sizeof *t->theta);
-    for (uint32_t l = 0; l < p->inputs; l++) t->gradient[l] = -100.0;
-    return look(t, t->gradient, &found);
+    if (!p->task.compensate || p->task.kind != LG_POLICY_LQR || t->phase != RACE) return LG_OK;
+    LG_TRY_SCRATCH(double, plain, p->context, t->n, lg_no_memory(t->error));
+    memcpy(plain, t->theta, t->n * sizeof *plain);
+    for (uint32_t l = 0; l < p->inputs; l++) plain[l] = -100.0;
+    return look(t, plain, &found);
 }
 
-static lg_status race(training *t) {
-    LG_TRY(try_plain(t));
-    LG_TRY(adam_phase(t, t->seeds, t->options.race));
-    LG_TRY(judge_racers(t));
+/* Rounds of FINISH follow until nearly all validation starts succeed. */
+static lg_status end_phase(training *t) {
+    const uint64_t rounds = t->options.seconds > 0.0 || t->options.finish == 0 ? 1 : MOST_ROUNDS;
+    judged found;
+    LG_TRY(t->phase == RACE ? judge_racers(t, 1) : look(t, t->theta, &found));
     if (!isfinite(t->of_best.cost))
-        return lg_fail(t->error, LG_NOT_FINITE, "the cost of all %u seeds is not finite", t->seeds);
-    memset(t->m, 0, t->n * sizeof *t->m);
-    memset(t->v, 0, t->n * sizeof *t->v);
-    next_phase(t);
-    return LG_OK;
-}
-
-/* Rounds of Adam, each with a decay of its rate, until nearly all validation starts succeed. */
-static lg_status finish(training *t) {
-    judged found;
-    const uint32_t rounds = t->options.seconds > 0.0 || t->options.finish == 0 ? 1 : MOST_ROUNDS;
-    for (;; t->round++) {
-        LG_TRY(adam_phase(t, 1, t->options.finish));
-        LG_TRY(look(t, t->theta, &found));
-        if (t->of_best.success >= enough || t->round + 1 == rounds) break;
+        return lg_fail(t->error, LG_NOT_FINITE, "the cost of all %u seeds is not finite", (uint32_t)t->seeds);
+    end_fit(t);
+    t->step = 0;
+    if (t->phase == FINISH && t->of_best.success < enough && t->round + 1 < rounds) {
+        t->step = ++t->round * t->options.finish;
+        return LG_OK;
     }
-    memcpy(t->theta, t->best, t->n * sizeof *t->theta);
-    next_phase(t);
+    const double *from = t->phase == RACE ? t->theta + t->leader * t->n : t->best;
+    memmove(t->theta, from, t->n * sizeof *t->theta);
+    t->phase++, t->round = 0;
     return LG_OK;
 }
 
-static lg_status begin_polish(training *t) {
-    lg_minimise_options options;
-    end_phase(t); /* a failed call of this function may have left its batch */
-    LG_TRY(lg_policy_batch_create(t->policy, LG_F64, 1, FIXED, t->options.threads, &t->batch, t->error));
-    LG_TRY(draw_starts(t, STREAM_FIXED, FIXED, t->x));
-    t->batch.starts[0] = t->x;
-    t->batch.seed = t->options.seed;
-    t->batch.cut = 20.0 * t->policy->terminal;
-    lg_minimise_options_init(&options);
-    options.method = LG_MINIMISE_LBFGS;
-    options.check = false;
-    return lg_minimiser_create(t->policy->context, t->n, &options, t->theta, &t->minimiser, t->error);
-}
-
-static lg_status polish(training *t) {
-    const uint64_t every = t->options.polish / LOOKS + 1;
-    judged found;
-    double done;
-    if (t->minimiser == NULL) LG_TRY(begin_polish(t));
-    while (lg_minimiser_result(t->minimiser).end == LG_MINIMISE_RUNNING) {
-        LG_TRY(go_on(t, t->options.polish, &done));
-        if (done >= 1.0) break;
-        t->batch.theta[0] = lg_minimiser_point(t->minimiser);
-        LG_TRY(run_batch(t));
-        (void)lg_minimiser_tell(t->minimiser, t->cost[0], t->gradients[0]);
-        t->step++;
-        if (t->step % every == 0) LG_TRY(look(t, lg_minimiser_best(t->minimiser), &found));
-        report(t, done);
+static lg_status run_phase(training *t) {
+    if (steps_of(t, t->phase) == 0) return end_phase(t);
+    if (t->fit == NULL) {
+        LG_TRY(try_plain(t));
+        LG_TRY(begin_fit(t));
     }
-    LG_TRY(look(t, lg_minimiser_best(t->minimiser), &found));
-    next_phase(t);
-    return LG_OK;
+    const lg_status status = lg_fit_run(t->fit, t->error);
+    LG_TRY(t->status);
+    if (!(t->phase == POLISH && status == LG_NOT_FINITE)) LG_TRY(status);
+    lg_fit_parameters(t->fit, t->theta);
+    return end_phase(t);
 }
 
 /* ---- the object ---- */
 
+/* A hash of METHOD, the rate of Adam, the validation starts (states of the plant), the bounds of success, the
+ * disturbances, the regulator and the terminal cost. It changes with the task, the plant and the version. */
+static uint64_t find_fingerprint(const training *t) {
+    enum { METHOD = 3, EACH = 4 }; /* METHOD 1: Adam took whole runs; 2: short runs; 3: by lg_fit */
+    const lg_policy *p = t->policy;
+    const lg_policy_regulator *r = &p->regulator;
+    const size_t n = r->errors, m = r->inputs, coordinates = p->task.coordinate_count;
+    double bounds[EACH * LG_POLICY_COORDINATES];
+    for (size_t i = 0; i < coordinates; i++) {
+        const lg_policy_coordinate *c = &p->task.coordinate[i];
+        const double own[EACH] = {c->success, c->success_velocity, c->noise, c->noise_velocity};
+        memcpy(bounds + EACH * i, own, sizeof own);
+    }
+    const double numbers[] = {METHOD, t->options.lr, p->task.gate,  p->task.hold,          p->task.within,
+                              r->c,   p->terminal,   p->task.delay, (double)p->task.draws, p->task.spread};
+    const struct {
+        const void *at;
+        size_t count;
+    } parts[] = {{t->validation, VALIDATION * p->state},
+                 {numbers, LG_COUNT(numbers)},
+                 {bounds, EACH * coordinates},
+                 {r->K, m * n},
+                 {r->near, m * n},
+                 {r->P, n * n},
+                 {r->u0, m}};
+    uint64_t hash = UINT64_C(0xcbf29ce484222325);
+    for (size_t i = 0; i < LG_COUNT(parts); i++)
+        for (size_t k = 0; k < parts[i].count * sizeof(double); k++)
+            hash = (hash ^ ((const unsigned char *)parts[i].at)[k]) * UINT64_C(0x100000001b3);
+    return hash;
+}
+
 static lg_status begin(training *t) {
     const lg_policy *p = t->policy;
-    const size_t n = t->n, seeds = t->seeds;
-    const size_t most = (seeds > 2 ? seeds : 2) * t->options.starts, starts = most > FIXED ? most : FIXED;
-    t->theta = lg_alloc(p->context, (4 * seeds + 1) * n + (starts + VALIDATION) * p->state + seeds,
-                        sizeof *t->theta);
-    t->gradients = lg_alloc(p->context, seeds, sizeof *t->gradients);
-    t->number = lg_alloc(p->context, seeds, sizeof *t->number);
-    if (t->theta == NULL || t->gradients == NULL || t->number == NULL) return lg_no_memory(t->error);
-    t->m = t->theta + seeds * n, t->v = t->m + seeds * n, t->gradient = t->v + seeds * n;
-    t->best = t->gradient + seeds * n;
-    t->x = t->best + n;
-    t->validation = t->x + starts * p->state;
-    t->cost = t->validation + VALIDATION * p->state;
-    for (size_t k = 0; k < seeds; k++) {
-        lg_policy_initialise(p, t->options.seed * 1000 + k, t->theta + k * n);
-        t->gradients[k] = t->gradient + k * n;
-        t->number[k] = k;
+    if (LG_ALLOC_ALL(p->context, LG_ARRAY(t->theta, (t->seeds + 1) * t->n + VALIDATION * p->state),
+                     LG_ARRAY(t->racing, t->seeds)) != LG_OK)
+        return lg_no_memory(t->error);
+    t->best = t->theta + t->seeds * t->n;
+    t->validation = t->best + t->n;
+    for (uint64_t k = 0; k < t->seeds; k++) {
+        lg_policy_initialise(p, t->options.seed * 1000 + k, t->theta + k * t->n);
+        t->racing[k] = 1;
     }
     t->racers = t->seeds;
     t->of_best = (judged){0.0, INFINITY};
-    return draw_starts(t, STREAM_VALIDATION, VALIDATION, t->validation);
+    LG_TRY(draw_starts(t, STREAM_VALIDATION, VALIDATION, t->validation, t->error));
+    const lg_policy_train_options *o = &t->options;
+    const uint64_t common[] = {t->n,      t->seeds,  o->starts, o->race,
+                               o->finish, o->polish, o->seed,   find_fingerprint(t)};
+    memcpy(t->common, common, sizeof common);
+    return LG_OK;
 }
 
 lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_options *options,
@@ -388,133 +387,79 @@ lg_status lg_policy_trainer_create(lg_policy *policy, const lg_policy_train_opti
 
 void lg_policy_trainer_destroy(lg_policy_trainer *t) {
     if (t == NULL) return;
-    const lg_context *context = t->policy->context;
-    end_phase(t);
-    LG_FREE_ALL(context, t->theta, t->gradients, t->number, t);
+    end_fit(t);
+    LG_FREE_ALL(t->policy->context, t->theta, t->racing, t);
 }
 
 lg_status lg_policy_trainer_run(lg_policy_trainer *t, lg_policy_train_result *result, lg_error *error) {
     LG_NEEDS(error, t);
-    static lg_status (*const phases[])(training *) = {race, finish, polish};
     lg_status status = LG_OK;
     t->error = error;
-    t->begun = t->phase_begun = lg_seconds();
-    while (t->phase < DONE && status == LG_OK) status = phases[t->phase](t);
+    t->begun = lg_seconds();
+    while (t->phase < DONE && status == LG_OK) status = run_phase(t);
     if (status == LG_CANCELLED)
         (void)lg_fail(error, status, "training was stopped; the best policy so far is kept");
     if ((status == LG_OK || status == LG_CANCELLED) && t->n > 0 && isfinite(t->of_best.cost))
         (void)lg_policy_take(t->policy, t->best);
     if (status == LG_OK && t->n == 0) status = judge(t, t->policy->theta, &t->of_best);
     if (result != NULL)
-        *result =
-            (lg_policy_train_result){t->of_best.cost, t->of_best.success, t->leader, lg_seconds() - t->begun};
+        *result = (lg_policy_train_result){t->of_best.cost, t->of_best.success, (uint32_t)t->leader,
+                                           lg_seconds() - t->begun};
     return status;
 }
 
 /* ---- states of training ---- */
 
-/* Numbers that a resumed run must have in common with the saved one, then the place in the run. */
-enum { FACTS = 14, COMMON = 8, METHOD = 2 }; /* METHOD 1: Adam took whole runs; 2: short runs */
-
-static uint64_t mixed(uint64_t hash, const void *data, size_t bytes) {
-    const unsigned char *at = data;
-    for (size_t i = 0; i < bytes; i++) hash = (hash ^ at[i]) * UINT64_C(0x100000001b3);
-    return hash;
-}
-
-/* A hash of METHOD, the rate of Adam, the validation starts (states of the plant), the bounds of success, the
- * disturbances, the regulator and the terminal cost. It changes with the task, the plant and the version. */
-static uint64_t fingerprint(const training *t) {
-    const lg_policy *p = t->policy;
-    const lg_policy_regulator *r = &p->regulator;
-    const size_t n = r->errors, m = r->inputs;
-    const double numbers[] = {METHOD, t->options.lr, p->task.gate,  p->task.hold,          p->task.within,
-                              r->c,   p->terminal,   p->task.delay, (double)p->task.draws, p->task.spread};
-    uint64_t hash =
-        mixed(UINT64_C(0xcbf29ce484222325), t->validation, VALIDATION * p->state * sizeof(double));
-    hash = mixed(hash, numbers, sizeof numbers);
-    for (uint32_t i = 0; i < p->task.coordinate_count; i++) {
-        const lg_policy_coordinate *c = &p->task.coordinate[i];
-        hash = mixed(hash, (const double[]){c->success, c->success_velocity, c->noise, c->noise_velocity},
-                     4 * sizeof(double));
-    }
-    hash = mixed(hash, r->K, m * n * sizeof *r->K);
-    hash = mixed(hash, r->near, m * n * sizeof *r->near);
-    hash = mixed(hash, r->P, n * n * sizeof *r->P);
-    return mixed(hash, r->u0, m * sizeof *r->u0);
-}
-
-static void list_facts(const training *t, uint64_t out[FACTS]) {
-    const lg_policy_train_options *o = &t->options;
-    const uint64_t all[FACTS] = {t->n,      t->seeds,  o->starts, o->race,
-                                 o->finish, o->polish, o->seed,   fingerprint(t),
-                                 t->phase,  t->step,   t->leader, isfinite(t->of_best.cost),
-                                 t->racers, t->round};
-    memcpy(out, all, sizeof all);
-}
-
-/* The arrays of a saved state. `facts` come first. */
-enum { SAVED = 4 };
-static void list_saved(const training *t, uint64_t facts[FACTS], double best[2], lg_stored out[SAVED]) {
-    const lg_stored all[SAVED] = {
-        {"facts", LG_ELEMENT_U64, 1, {FACTS}, .data = facts},
-        {"best", LG_ELEMENT_F64, 1, {2}, .data = best},
-        {"number", LG_ELEMENT_U64, 1, {t->seeds}, .data = t->number},
-        {"theta", LG_ELEMENT_F64, 1, {(4 * (uint64_t)t->seeds + 1) * t->n}, .data = t->theta}};
-    memcpy(out, all, sizeof all);
+/* What a resumed run must have in common with the saved one, then the state. begun: whether the phase's fit
+ * has begun; then its state follows. */
+enum { SAVED = COMMON + 8 };
+static void list_saved(training *t, uint64_t *begun, lg_stored out[SAVED]) {
+    static const char *const names[COMMON] = {"parameters", "seeds",  "batch", "race",
+                                              "finish",     "polish", "seed",  "task"};
+    const lg_stored state[] = {{"phase", LG_ELEMENT_U64, .data = &t->phase},
+                               {"round", LG_ELEMENT_U64, .data = &t->round},
+                               {"leader", LG_ELEMENT_U64, .data = &t->leader},
+                               {"racers", LG_ELEMENT_U64, .data = &t->racers},
+                               {"begun", LG_ELEMENT_U64, .data = begun},
+                               {"best", LG_ELEMENT_F64, 1, {2}, .data = &t->of_best},
+                               {"racing", LG_ELEMENT_U64, 1, {t->seeds}, .data = t->racing},
+                               {"theta", LG_ELEMENT_F64, 1, {(t->seeds + 1) * t->n}, .data = t->theta}};
+    for (size_t i = 0; i < COMMON; i++) out[i] = (lg_stored){names[i], LG_ELEMENT_U64, .data = &t->common[i]};
+    memcpy(out + COMMON, state, sizeof state);
 }
 
 lg_status lg_policy_trainer_save(const lg_policy_trainer *t, const lg_archive_writer *to, lg_error *error) {
     LG_NEEDS(error, t, to);
-    uint64_t facts[FACTS];
-    double best[2] = {t->of_best.success, isfinite(t->of_best.cost) ? t->of_best.cost : 0.0};
-    lg_stored arrays[SAVED];
-    list_facts(t, facts);
-    list_saved(t, facts, best, arrays);
-    LG_TRY(lg_stored_save(to, arrays, SAVED, error));
-    return t->minimiser != NULL ? lg_minimiser_save(t->minimiser, to, error) : LG_OK;
-}
-
-/* Refuses a saved run with another number of parameters, other options, another task or another plant. */
-static lg_status check_facts(const training *t, const uint64_t facts[FACTS], lg_error *error) {
-    static const char *const names[COMMON] = {"number of parameters",
-                                              "--seeds",
-                                              "--batch",
-                                              "--race",
-                                              "--finish",
-                                              "--polish",
-                                              "--seed",
-                                              "task, plant or version of training"};
-    uint64_t own[FACTS];
-    list_facts(t, own);
-    for (size_t i = 0; i < COMMON; i++)
-        if (facts[i] != own[i])
-            return lg_fail(error, LG_INVALID_ARGUMENT,
-                           i + 1 == COMMON ? "the saved run has another %s"
-                                           : "the saved run has another %s: %llu, not %llu",
-                           names[i], (unsigned long long)facts[i], (unsigned long long)own[i]);
-    return LG_OK;
+    training same = *t; /* shares the arrays, which are only read */
+    uint64_t begun = t->fit != NULL;
+    lg_stored rows[SAVED];
+    list_saved(&same, &begun, rows);
+    LG_TRY(lg_stored_save(to, rows, SAVED, error));
+    return begun ? lg_fit_save(t->fit, to, error) : LG_OK;
 }
 
 lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *from, lg_error *error) {
     LG_NEEDS(error, t, from);
-    uint64_t facts[FACTS];
-    double best[2];
-    lg_stored arrays[SAVED];
-    list_saved(t, facts, best, arrays);
-    if (lg_stored_load(from, arrays, 1, error) != LG_OK)
-        return lg_fail(error, LG_FORMAT, "the file has no state of training of a policy");
-    LG_TRY(check_facts(t, facts, error));
-    LG_TRY(lg_as_format(lg_stored_load(from, arrays + 1, SAVED - 1, error), error));
-    if (facts[8] > DONE || facts[10] >= t->seeds || facts[12] == 0 || facts[12] > t->seeds ||
-        facts[13] >= MOST_ROUNDS)
-        return lg_fail(error, LG_FORMAT, "the state of training is damaged");
-    end_phase(t);
+    uint64_t begun = 0, racers = 0, task;
+    lg_stored rows[SAVED];
+    list_saved(t, &begun, rows);
     t->error = error;
-    t->phase = (uint32_t)facts[8], t->step = facts[9], t->leader = (uint32_t)facts[10];
-    t->racers = (uint32_t)facts[12], t->round = (uint32_t)facts[13];
-    t->of_best = (judged){best[0], facts[11] ? best[1] : INFINITY};
-    if (t->phase != POLISH || t->step == 0) return LG_OK;
-    LG_TRY(begin_polish(t));
-    return lg_minimiser_load(t->minimiser, from, error);
+    if (lg_stored_load(from, &(lg_stored){"task", LG_ELEMENT_U64, .data = &task}, 1, error) != LG_OK)
+        return lg_fail(error, LG_FORMAT, "the file has no state of training of a policy");
+    LG_TRY(lg_stored_compare(from, rows, COMMON - 1, error));
+    if (task != t->common[COMMON - 1])
+        return lg_fail(error, LG_INVALID_ARGUMENT,
+                       "the saved run has another task, plant or version of training");
+    LG_TRY(lg_as_format(lg_stored_load(from, rows + COMMON, SAVED - COMMON, error), error));
+    for (uint64_t k = 0; k < t->seeds; k++) racers += t->racing[k] == 1;
+    if (t->phase > DONE || t->round >= MOST_ROUNDS || t->leader >= t->seeds || racers == 0 ||
+        racers != t->racers || (begun && (t->phase == DONE || steps_of(t, t->phase) == 0)))
+        return lg_fail(error, LG_FORMAT, "the state of training is damaged");
+    t->step = t->round * t->options.finish;
+    if (!begun) return LG_OK;
+    t->begun = lg_seconds();
+    LG_TRY(begin_fit(t));
+    LG_TRY(lg_as_format(lg_fit_load(t->fit, from, error), error));
+    t->step += lg_fit_epochs_done(t->fit);
+    return LG_OK;
 }

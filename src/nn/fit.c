@@ -63,7 +63,7 @@ static bool fraction(double x) {
 }
 
 static lg_status check_problem(const lg_fit_problem *problem, lg_error *error) {
-    if (problem == NULL || (problem->loss == NULL && problem->residuals == NULL))
+    if (problem == NULL || (problem->loss == NULL && problem->residuals == NULL && problem->gradient == NULL))
         return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has neither a loss function nor residuals");
     if (problem->parameters == 0 || problem->parameters > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT,
@@ -337,7 +337,10 @@ static lg_status evaluate_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *err
 }
 
 static lg_status batch_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
-    const double factor = lg_schedule_rate(&fit->options.schedule, fit->state.epoch, fit->options.epochs);
+    const lg_fit_options *o = &fit->options;
+    const double late = o->hurry && o->seconds > 0.0 ? fmin(fit->spent / o->seconds, 1.0) : 0.0;
+    const uint64_t by_time = (uint64_t)(late * (double)o->epochs), epoch = fit->state.epoch;
+    const double factor = lg_schedule_rate(&o->schedule, by_time > epoch ? by_time : epoch, o->epochs);
     report->rate = fit->options.adam.lr * factor;
     LG_TRY(train_batches(fit, factor, error));
     return validate(fit, &report->validation, error);

@@ -22,6 +22,13 @@ static size_t chunk_of(const lg_fit *fit) {
 /* Adds loss and gradient of `count` samples to the shard's; its first chunk overwrites the gradient. */
 static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
     lg_tape *tape = shard->tape;
+    if (fit->problem.gradient != NULL) {
+        const bool wanted = fit->with_gradient;
+        if (wanted && samples == shard->samples)
+            memset(shard->gradient, 0, fit->problem.parameters * fit->k->size);
+        return fit->problem.gradient(fit->problem.user, fit->point, samples, count, fit->batch_samples,
+                                     &shard->loss, wanted ? shard->gradient : NULL);
+    }
     if (fit->plans && fit->with_gradient) {
         bool done;
         LG_TRY(lg_fit_run_recording(fit, shard, samples, count, &done));

@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include "autodiff/program/program.h"
-#include "control/policy_gradient.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
 #include "support/fixtures.h"
@@ -12,8 +11,6 @@
 #include "support/policies.h"
 #include "support/rank_team.h"
 #include "test_support.h"
-
-RELEASES(release_batch, lg_policy_batch_destroy)
 
 /* ---- errors ---- */
 
@@ -387,34 +384,17 @@ TEST("an energy controller has the gains that are given, whatever the machine do
 
 /* ---- gradients ---- */
 
-static double cost_at(lg_policy_batch *b, double *theta, size_t i, double by, double *gradient) {
-    const double kept = theta[i];
-    double cost;
-    theta[i] = kept + by;
-    lg_policy_batch_run(b, &cost, &gradient);
-    theta[i] = kept;
-    return cost;
-}
-
 static void check_gradient(const lg_policy_task *task, const char *machine, double cut) {
-    lg_policy *policy = make(task, machine);
-    lg_policy_batch *batch = TEST_ARRAY(lg_policy_batch, 1);
+    const lg_policy *policy = make(task, machine);
     lg_rng rng = test_rng(8, 0);
-    const size_t n = policy->parameters, count = LG_POLICY_ROWS;
+    const size_t count = LG_POLICY_ROWS;
     double *z = TEST_ARRAY(double, count * policy->layout.errors),
            *x = TEST_ARRAY(double, count * policy->state);
-    double *g = TEST_ARRAY(double, n), *other = TEST_ARRAY(double, n), cost;
-    assert_ok(lg_policy_batch_create(policy, LG_F64, 1, count, 1, batch, NULL));
-    lg_test_owns(batch, release_batch);
     for (size_t i = 0; i < count; i++) lg_policy_draw(policy, &rng, z + i * policy->layout.errors);
     assert_ok(lg_policy_states(policy, z, count, x, NULL));
-    batch->starts[0] = x, batch->theta[0] = policy->theta, batch->cut = cut, batch->steps[0] = 10;
-    lg_policy_batch_run(batch, &cost, &g);
-    for (size_t i = 0; i < n; i += 1 + n / 9) {
-        const double h = 1e-5, up = cost_at(batch, policy->theta, i, h, other),
-                     down = cost_at(batch, policy->theta, i, -h, other);
-        assert_close(g[i], (up - down) / (2.0 * h), 1e-5, 1e-7 * fabs(cost));
-    }
+    rolled of = roll(policy, x, 1);
+    of.cut = cut;
+    check_rolled(&of);
 }
 
 TEST("the gradient of the cost of runs is that of differences, with a cut and without") {
@@ -426,35 +406,28 @@ TEST("the gradient of the cost of runs is that of differences, with a cut and wi
     check_gradient(&energy, body, INFINITY);
 }
 
-TEST("runs of each point of a batch are as long as asked, whatever the other points are") {
+TEST("runs of a piece are as long as asked: a longer run costs what its shorter part does, and more") {
     const lg_policy_task task = cart_task();
     const lg_policy *policy = make(&task, cart_pole);
     enum { N = LG_POLICY_ROWS };
-    static const size_t steps[2] = {10, 4};
-    const size_t n = policy->parameters;
-    lg_policy_batch *both = TEST_ARRAY(lg_policy_batch, 1);
-    double *z = TEST_ARRAY(double, N * policy->layout.errors), *x = TEST_ARRAY(double, N * policy->state);
-    double *const g[2] = {TEST_ARRAY(double, n), TEST_ARRAY(double, n)}, *alone = TEST_ARRAY(double, n),
-                  cost[2], one;
+    double *x = TEST_ARRAY(double, N * policy->state), *g = TEST_ARRAY(double, policy->parameters),
+           *end = TEST_ARRAY(double, N), *cost = TEST_ARRAY(double, N);
+    bool *held = TEST_ARRAY(bool, N);
     lg_rng rng = test_rng(8, 0);
-    for (size_t i = 0; i < N; i++) lg_policy_draw(policy, &rng, z + i * policy->layout.errors);
-    assert_ok(lg_policy_states(policy, z, N, x, NULL));
-    assert_ok(lg_policy_batch_create(policy, LG_F64, 2, N, 1, both, NULL));
-    lg_test_owns(both, release_batch);
-    assert_int_equal(both->steps[1], lg_policy_periods(policy, task.horizon));
-    for (size_t k = 0; k < 2; k++)
-        both->starts[k] = x, both->theta[k] = policy->theta, both->steps[k] = steps[k];
-    assert_ok(lg_policy_batch_run(both, cost, g));
-    for (size_t k = 0; k < 2; k++) {
-        lg_policy_batch single;
-        assert_ok(lg_policy_batch_create(policy, LG_F64, 1, N, 1, &single, NULL));
-        single.starts[0] = x, single.theta[0] = policy->theta, single.steps[0] = steps[k];
-        assert_ok(lg_policy_batch_run(&single, &one, &alone));
-        assert_true(one == cost[k]);
-        assert_memory_equal(alone, g[k], n * sizeof *alone);
-        lg_policy_batch_destroy(&single);
+    assert_ok(lg_policy_starts(policy, &rng, N, x, NULL, NULL));
+    for (size_t steps = 4; steps <= 10; steps += 6) {
+        rolled of = roll(policy, x, 1);
+        double *from = TEST_ARRAY(double, N * policy->state), sum = 0;
+        memcpy(from, x, N * policy->state * sizeof *x);
+        lg_policy_runs runs = {.count = N, .steps = steps, .x = from, .cost = cost, .succeeded = held};
+        assert_ok(
+            lg_policy_run(policy, &(lg_policy_trial){.theta = policy->theta, .threads = 1}, &runs, NULL));
+        assert_ok(lg_program_eval(NULL, policy->program, "terminal", N, (const double *const[]){from},
+                                  (double *const[]){end}, NULL));
+        for (int i = 0; i < N; i++) sum += (cost[i] + end[i]) / N;
+        of.steps = steps;
+        assert_close(rolled_cost(&of, g), sum, 1e-10, 0.0);
     }
-    assert_true(cost[0] != cost[1]);
 }
 
 /* ---- training ---- */

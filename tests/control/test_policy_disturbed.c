@@ -1,11 +1,8 @@
 /* Policies under noise, late inputs and other machines; set points; the bound on what goes back through runs.
  * ctest-labels: src/control */
-#include "control/policy_gradient.h"
 #include "liegrad/geometry.h"
 #include "liegrad/ops.h"
 #include "support/policies.h"
-
-RELEASES(release_batch, lg_policy_batch_destroy)
 
 static const char heavy[] =
     "columns: {time: t}\ncoordinates: [{name: x, kind: line, velocity: vx}, {name: th, kind: angle, "
@@ -91,7 +88,7 @@ TEST("noise has the deviations of the task, and about the asked share of the run
     double square[4] = {0}, late_runs = 0.0;
     double *noise = TEST_ARRAY(double, PERIODS *LG_POLICY_ROWS * 4), late[LG_POLICY_ROWS];
     for (uint64_t piece = 0; piece < PIECES; piece++) {
-        lg_policy_draw_noise(policy, 7, piece, PERIODS, noise, late);
+        lg_policy_draw_noise(policy, 7, piece, PERIODS, LG_F64, noise, late);
         for (size_t i = 0; i < (size_t)PERIODS * LG_POLICY_ROWS * 4; i++)
             square[i % 4] += noise[i] * noise[i];
         for (size_t i = 0; i < LG_POLICY_ROWS; i++) late_runs += late[i];
@@ -168,6 +165,21 @@ TEST(
     assert_close(hypot(hypot(seen[9], seen[10]), seen[11]), 1.0, 1e-14, 0.0);
 }
 
+TEST("equal starts in two pieces have other noise, and the same noise when they are run again") {
+    const lg_policy_task task = disturbed_task(0.02, 0.0);
+    const lg_policy *policy = make(&task, cart_pole);
+    enum { N = LG_POLICY_ROWS };
+    const size_t numbers = N * (size_t)policy->state;
+    const starts s = draw(policy, N, 4);
+    double *twice = TEST_ARRAY(double, 2 * numbers);
+    memcpy(twice, s.x, numbers * sizeof *twice);
+    memcpy(twice + numbers, s.x, numbers * sizeof *twice);
+    const lg_policy_runs both = run(policy, twice, 2 * (size_t)N, 10, true),
+                         one = run(policy, s.x, N, 10, true);
+    assert_memory_equal(both.cost, one.cost, N * sizeof *one.cost);
+    for (int i = 0; i < N; i++) assert_true(both.cost[N + i] != one.cost[i]);
+}
+
 TEST("disturbed runs take the machines that were added in turn") {
     const lg_policy_task task = disturbed_task(1e-300, 0.0);
     lg_policy *policy = make(&task, cart_pole), *other;
@@ -190,36 +202,15 @@ TEST("disturbed runs take the machines that were added in turn") {
 
 /* ---- gradients ---- */
 
-static lg_policy_batch *make_batch(const lg_policy *policy, const double *x, size_t count) {
-    lg_policy_batch *batch = TEST_ARRAY(lg_policy_batch, 1);
-    assert_ok(lg_policy_batch_create(policy, LG_F64, 1, count, 1, batch, NULL));
-    lg_test_owns(batch, release_batch);
-    batch->starts[0] = x, batch->theta[0] = policy->theta, batch->steps[0] = 10;
-    return batch;
-}
-
 TEST("the gradient of disturbed runs on two machines is that of differences") {
     lg_policy_task task = disturbed_task(0.02, 0.5);
     task.draws = 2;
     lg_policy *policy = make(&task, cart_pole);
     assert_ok(lg_policy_add_draw(policy, machine_program(cart_pole), NULL));
     assert_ok(lg_policy_add_draw(policy, machine_program(heavy), NULL));
-    enum { N = 2 * LG_POLICY_ROWS };
-    const size_t n = policy->parameters;
-    lg_policy_batch *batch = make_batch(policy, draw(policy, N, 8).x, N);
-    double *g = TEST_ARRAY(double, n), *other = TEST_ARRAY(double, n), cost, up, down;
-    batch->seed = 5, batch->draw = 3;
-    lg_policy_batch_run(batch, &cost, &g);
-    for (size_t i = 0; i < n; i += 1 + n / 9) {
-        static const double h = 1e-5;
-        const double kept = policy->theta[i];
-        policy->theta[i] = kept + h;
-        lg_policy_batch_run(batch, &up, &other);
-        policy->theta[i] = kept - h;
-        lg_policy_batch_run(batch, &down, &other);
-        policy->theta[i] = kept;
-        assert_close(g[i], (up - down) / (2.0 * h), 1e-5, 1e-7 * fabs(cost));
-    }
+    rolled of = roll(policy, draw(policy, 2 * LG_POLICY_ROWS, 8).x, 2);
+    of.seed = 5, of.first = 6;
+    check_rolled(&of);
 }
 
 TEST("the cost of late runs in training is the cost of the same runs when they are judged") {
@@ -227,10 +218,10 @@ TEST("the cost of late runs in training is the cost of the same runs when they a
     const lg_policy *policy = make(&task, cart_pole);
     enum { N = LG_POLICY_ROWS };
     const starts s = draw(policy, N, 9);
-    lg_policy_batch *batch = make_batch(policy, s.x, N);
-    double *g = TEST_ARRAY(double, policy->parameters), *end = TEST_ARRAY(double, N), cost, sum = 0.0;
-    lg_policy_batch_run(batch, &cost, &g);
-    const lg_policy_runs late = run(policy, s.x, N, batch->steps[0], true);
+    const rolled of = roll(policy, s.x, 1);
+    double *g = TEST_ARRAY(double, policy->parameters), *end = TEST_ARRAY(double, N), sum = 0.0;
+    const double cost = rolled_cost(&of, g);
+    const lg_policy_runs late = run(policy, s.x, N, of.steps, true);
     assert_ok(lg_program_eval(NULL, policy->program, "terminal", N, (const double *const[]){late.x},
                               (double *const[]){end}, NULL));
     for (int i = 0; i < N; i++) sum += (late.cost[i] + end[i]) / N;
@@ -245,13 +236,11 @@ TEST("a bounded gradient is the mean over starts: the same starts twice change n
     const starts s = draw(policy, N, 8);
     double *twice = TEST_ARRAY(double, 2 * numbers), *g = TEST_ARRAY(double, n),
            *same = TEST_ARRAY(double, n);
-    double cost;
     memcpy(twice, s.x, numbers * sizeof *twice);
     memcpy(twice + numbers, s.x, numbers * sizeof *twice);
-    lg_policy_batch *one = make_batch(policy, s.x, N), *both = make_batch(policy, twice, 2 * (size_t)N);
-    one->bound = both->bound = 0.02 * policy->terminal;
-    lg_policy_batch_run(one, &cost, &g);
-    lg_policy_batch_run(both, &cost, &same);
+    rolled one = roll(policy, s.x, 1), both = roll(policy, twice, 2);
+    one.bound = both.bound = 0.02 * policy->terminal;
+    assert_close(rolled_cost(&one, g), rolled_cost(&both, same), 1e-12, 0.0);
     assert_all_close(same, g, n, 1e-9, 1e-12);
 }
 
@@ -278,14 +267,14 @@ TEST("a bound that no run meets changes nothing, a small one shortens the gradie
                       "values: [[1], [0]]}\n",
                       l, 9.81 * l));
         const size_t n = policy->parameters;
-        lg_policy_batch *batch = make_batch(policy, draw(policy, LG_POLICY_ROWS, 8).x, LG_POLICY_ROWS);
-        double *g = TEST_ARRAY(double, n), *same = TEST_ARRAY(double, n), *less = TEST_ARRAY(double, n), cost;
-        lg_policy_batch_run(batch, &cost, &g);
-        batch->bound = 1e9 * cost;
-        lg_policy_batch_run(batch, &cost, &same);
+        rolled of = roll(policy, draw(policy, LG_POLICY_ROWS, 8).x, 1);
+        double *g = TEST_ARRAY(double, n), *same = TEST_ARRAY(double, n), *less = TEST_ARRAY(double, n);
+        const double cost = rolled_cost(&of, g);
+        of.bound = 1e9 * cost;
+        (void)rolled_cost(&of, same);
         assert_memory_equal(g, same, n * sizeof *g);
-        batch->bound = 1e-3 * cost;
-        lg_policy_batch_run(batch, &cost, &less);
+        of.bound = 1e-3 * cost;
+        (void)rolled_cost(&of, less);
         assert_true(length_of(less, n) < 0.5 * length_of(g, n) && length_of(less, n) > 0.0);
         if (k == 0) first = length_of(less, n);
         assert_close(length_of(less, n), first, 1e-5, 0.0);

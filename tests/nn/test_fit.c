@@ -93,6 +93,74 @@ TEST("steps agree with plain loops, with partial batches and more shards than sa
         for (size_t j = 0; j < LG_COUNT(shards); j++) check_line(batches[i], shards[j]);
 }
 
+/* The same loss and its gradient in numbers, of the type of the fit. */
+static lg_status line_gradient(void *user, const void *theta, const uint32_t *samples, size_t count,
+                               size_t batch, double *loss, void *gradient) {
+    const line *data = user;
+    const double *at = theta;
+    double *g = gradient;
+    for (size_t i = 0; i < count; i++) {
+        const double x = data->x[samples[i]], d = at[0] * x + at[1] - data->t[samples[i]];
+        *loss += d * d / (double)batch;
+        if (g == NULL) continue;
+        g[0] += 2.0 * d * x / (double)batch;
+        g[1] += 2.0 * d / (double)batch;
+    }
+    return data->x[0] == 99.0 ? LG_FILE : LG_OK;
+}
+
+TEST("a gradient in numbers trains as the recording does: batches, shards, chunks, validation, L-BFGS") {
+    line data = points;
+    const double start[2] = {0.2, -0.4};
+    for (int k = 0; k < 24; k++) {
+        const bool dense = k % 2 == 1;
+        double theta[2][2];
+        lg_fit *fit[2];
+        for (int numeric = 0; numeric < 2; numeric++) {
+            lg_fit_problem problem = {
+                .parameters = 2, .samples = 7, .user = &data, .chunk = (size_t)(k / 2 % 3), .validation = 2};
+            lg_fit_options o = options_of(6, (size_t[]){0, 2, 3, 5}[k / 6]);
+            if (numeric)
+                problem.gradient = line_gradient;
+            else
+                problem.loss = line_loss;
+            o.plan.phases = 1, o.plan.phase[0].method = dense ? LG_FIT_LBFGS : LG_FIT_ADAM;
+            o.shards = 3;
+            run_fit(fit[numeric] = test_fit(NULL, &problem, &o, start));
+            lg_fit_parameters(fit[numeric], theta[numeric]);
+        }
+        assert_all_close(theta[1], theta[0], 2, 1e-12, 1e-13);
+        assert_close(lg_fit_loss(fit[1]), lg_fit_loss(fit[0]), 1e-12, 0.0);
+        assert_close(lg_fit_history(fit[1], LG_FIT_VALIDATION)[5],
+                     lg_fit_history(fit[0], LG_FIT_VALIDATION)[5], 1e-12, 0.0);
+    }
+    data.x[0] = 99.0;
+    const lg_fit_problem failing = {.parameters = 2, .samples = 7, .gradient = line_gradient, .user = &data};
+    const lg_fit_options o = options_of(1, 0);
+    lg_error error;
+    assert_int_equal(lg_fit_run(test_fit(NULL, &failing, &o, start), &error), LG_FILE);
+}
+
+TEST("a schedule that hurries goes by the larger one of the shares of epochs and seconds") {
+    line data = points;
+    const lg_fit_problem problem = {.parameters = 2, .samples = 7, .gradient = line_gradient, .user = &data};
+    const double start[2] = {0.2, -0.4};
+    for (int hurry = 0; hurry < 2; hurry++) {
+        lg_fit_options o = options_of(1000000, 0);
+        o.schedule = (lg_schedule){.kind = LG_SCHEDULE_COSINE};
+        o.adam.lr = 0.5, o.seconds = 0.02, o.hurry = hurry == 1;
+        lg_fit *fit = test_fit(NULL, &problem, &o, start);
+        run_fit(fit);
+        const double *rate = lg_fit_history(fit, LG_FIT_RATE), *took = lg_fit_history(fit, LG_FIT_SECONDS);
+        double spent = 0.0;
+        assert_true(lg_fit_epochs_done(fit) > 3);
+        for (uint64_t i = 0; i < lg_fit_epochs_done(fit); spent += took[i++]) {
+            const double share = fmax((double)i / 1e6, hurry ? spent / 0.02 : 0.0);
+            assert_close(rate[i], 0.25 * (1.0 + cos(3.14159265358979323846 * share)), 0.0, 1e-5);
+        }
+    }
+}
+
 static lg_status counting_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                                size_t batch, lg_var *loss) {
     size_t *calls = user; /* number of calls, and the largest number of samples in one call */

@@ -2,7 +2,7 @@
 #ifndef TESTS_SUPPORT_POLICIES_H
 #define TESTS_SUPPORT_POLICIES_H
 
-#include "control/policy.h"
+#include "control/policy_rollout.h"
 #include "liegrad/machine.h"
 #include "support/fixtures.h"
 #include "test_support.h"
@@ -77,6 +77,59 @@ static inline lg_policy *make(const lg_policy_task *task, const char *machine) {
     if (status != LG_OK) fail_msg("%s", error.message);
     lg_test_owns(policy, release_policy);
     return policy;
+}
+
+/* The cost of 10 periods of runs of the policy from `pieces` pieces of starts x, piece after piece from the
+ * number `first` on, as training takes it, and its gradient. */
+typedef struct rolled {
+    const lg_policy *policy;
+    const double *x;
+    size_t pieces, steps;
+    uint64_t first, seed;
+    double cut, bound;
+} rolled;
+static inline rolled roll(const lg_policy *policy, const double *x, size_t pieces) {
+    return (rolled){policy, x, pieces, 10, 0, 1, INFINITY, INFINITY};
+}
+static inline double rolled_cost(const rolled *of, double *gradient) {
+    static const char *const names[2][LG_POLICY_PLANS] = {
+        {"closed", "terminal", "adj1_closed", "adj1_terminal"},
+        {"disturbed", "disturbed_end", "adj1_disturbed", "adj1_disturbed_end"}};
+    const lg_policy *p = of->policy;
+    const bool disturbed = lg_policy_is_disturbed(&p->task);
+    lg_policy_rollout r = {.policy = p, .dtype = LG_F64, .rows = LG_POLICY_ROWS, .most = 20};
+    lg_policy_piece w = {0};
+    double cost = 0;
+    assert_ok(lg_policy_rollout_create(&r, names[disturbed], LG_POLICY_PLANS, NULL));
+    char *memory = lg_test_memory(r.bytes);
+    memset(gradient, 0, p->parameters * sizeof *gradient);
+    for (size_t k = 0; k < of->pieces; k++) {
+        lg_policy_piece_at(&r, memory, of->first + k, &w);
+        w.steps = of->steps;
+        lg_policy_begin_runs(&r, of->x + k * LG_POLICY_ROWS * p->state, LG_POLICY_ROWS, of->seed,
+                             of->first + k, &w);
+        lg_put_numbers(LG_F64, w.given[0], 0, p->theta, p->parameters);
+        cost += lg_policy_gradient(&r, &w, of->cut, of->bound, gradient) / (double)of->pieces;
+    }
+    for (size_t i = 0; i < p->parameters; i++) gradient[i] /= (double)of->pieces;
+    lg_policy_plans_destroy(&r.plans);
+    return cost;
+}
+/* Compares derivatives with differences. */
+static inline void check_rolled(const rolled *of) {
+    const size_t n = of->policy->parameters;
+    double *g = TEST_ARRAY(double, n), *other = TEST_ARRAY(double, n), *theta = of->policy->theta;
+    const double cost = rolled_cost(of, g);
+    for (size_t i = 0; i < n; i += 1 + n / 9) {
+        static const double h = 1e-5;
+        const double kept = theta[i];
+        theta[i] = kept + h;
+        const double up = rolled_cost(of, other);
+        theta[i] = kept - h;
+        const double down = rolled_cost(of, other);
+        theta[i] = kept;
+        assert_close(g[i], (up - down) / (2.0 * h), 1e-5, 1e-7 * fabs(cost));
+    }
 }
 
 #endif

@@ -1,0 +1,160 @@
+/* Policies: runs of a piece of starts, and the gradient of their cost. All states are kept, and the adjoint
+ * of a period goes back over them: lambda_k = dJ/ds_k. */
+#include "control/policy_rollout.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "core/portions.h"
+
+static size_t width(const lg_policy_rollout *r) {
+    return r->dtype == LG_F64 ? sizeof(double) : sizeof(float);
+}
+
+/* Numbers of given[i], of all periods. */
+static size_t given(const lg_policy_rollout *r, size_t i) {
+    return r->given[i] * (r->varies[i] ? r->most : 1);
+}
+
+static size_t lay_out(const lg_policy_rollout *r, char *memory, lg_policy_piece *out) {
+    const size_t x = r->rows * r->state, size = width(r), back = r->plans.count == LG_POLICY_PLANS;
+    lg_portions from = {memory, 0};
+    out->path = lg_portion(&from, (r->most + 1) * x, size);
+    out->cost = lg_portion(&from, (r->most + 1) * r->rows, size);
+    out->u = back ? NULL : lg_portion(&from, r->most * r->rows * r->policy->inputs, size);
+    for (size_t i = 0; i < LG_POLICY_GIVEN; i++) out->given[i] = lg_portion(&from, given(r, i), size);
+    for (size_t i = 0; i < 2; i++) out->lambda[i] = lg_portion(&from, back * x, size);
+    out->weight = lg_portion(&from, r->rows, size);
+    out->slope = lg_portion(&from, back * given(r, 0), size);
+    out->total = lg_portion(&from, r->rows, sizeof(double));
+    out->spread = lg_portion(&from, r->state, sizeof(double));
+    out->work = lg_portion(&from, r->plans.work, 1);
+    return from.used;
+}
+
+lg_status lg_policy_rollout_create(lg_policy_rollout *r, const char *const *functions, size_t count,
+                                   lg_error *error) {
+    const lg_policy *p = r->policy;
+    size_t number, inputs;
+    r->disturbed = strncmp(functions[LG_POLICY_STEP], "disturbed", 9) == 0;
+    LG_TRY(lg_policy_plans_create(p, r->disturbed, functions, count, r->dtype, r->rows, &r->plans, error));
+    LG_TRY(lg_program_find(p->program, functions[LG_POLICY_STEP], &number, error));
+    const lg_port *ports = lg_program_inputs(p->program, number, &inputs);
+    for (size_t i = 0; i + 1 < inputs; i++) {
+        r->given[i] = lg_plan_input_count(r->plans.plan[LG_POLICY_STEP], i + 1);
+        r->varies[i] = strcmp(ports[i + 1].name, "noise") == 0 || strcmp(ports[i + 1].name, "y") == 0;
+    }
+    r->state = lg_plan_input_count(r->plans.plan[LG_POLICY_STEP], 0) / r->rows;
+    r->bytes = lay_out(r, NULL, &(lg_policy_piece){0});
+    return LG_OK;
+}
+
+void lg_policy_piece_at(const lg_policy_rollout *r, char *memory, uint64_t number, lg_policy_piece *out) {
+    (void)lay_out(r, memory, out);
+    out->plan = r->plans.plan + number % r->plans.machines * r->plans.count;
+    out->steps = r->most;
+}
+
+/* Before a disturbed run, the input that holds the goal has acted. */
+void lg_policy_begin_runs(const lg_policy_rollout *r, const double *x, size_t count, uint64_t seed,
+                          uint64_t number, lg_policy_piece *w) {
+    const lg_policy *p = r->policy;
+    for (size_t i = 0; i < r->rows; i++) {
+        const size_t to = i * r->state;
+        lg_put_numbers(r->dtype, w->path, to, x + (i < count ? i : 0) * p->state, p->state);
+        if (r->disturbed) lg_put_numbers(r->dtype, w->path, to + p->state, p->regulator.u0, p->inputs);
+    }
+    for (size_t i = 0; i < LG_POLICY_GIVEN; i++)
+        if (r->varies[i])
+            lg_policy_draw_noise(p, seed, number, w->steps, r->dtype, w->given[i], w->given[i + 1]);
+}
+
+/* What period k takes; returns how many arrays. */
+static size_t take(const lg_policy_rollout *r, const lg_policy_piece *w, size_t k, const void **in) {
+    size_t n = 0;
+    in[n++] = w->path + k * r->rows * r->state * width(r);
+    for (size_t i = 0; i < LG_POLICY_GIVEN && r->given[i] > 0; i++)
+        in[n++] = w->given[i] + (r->varies[i] ? k * r->given[i] * width(r) : 0);
+    return n;
+}
+
+void lg_policy_forward(const lg_policy_rollout *r, lg_policy_piece *w) {
+    const size_t row = r->rows * width(r);
+    for (size_t k = 0; k < w->steps; k++) {
+        const void *in[1 + LG_POLICY_GIVEN];
+        (void)take(r, w, k, in);
+        lg_plan_eval(w->plan[LG_POLICY_STEP], in,
+                     (void *[]){w->path + (k + 1) * row * r->state, w->cost + k * row,
+                                w->u != NULL ? w->u + k * row * r->policy->inputs : NULL},
+                     w->work);
+    }
+}
+
+void lg_policy_cost(const lg_policy_rollout *r, lg_policy_piece *w) {
+    const size_t row = r->rows * width(r);
+    lg_policy_forward(r, w);
+    lg_plan_eval(w->plan[LG_POLICY_END], (const void *[]){w->path + w->steps * row * r->state},
+                 (void *[]){w->cost + w->steps * row}, w->work);
+    memset(w->total, 0, r->rows * sizeof *w->total);
+    for (size_t k = 0; k <= w->steps; k++)
+        for (size_t i = 0; i < r->rows; i++) w->total[i] += lg_number_at(r->dtype, w->cost, k * r->rows + i);
+}
+
+/* Standard deviations of the numbers of a state over the runs of a piece. */
+static void find_spread(const lg_policy_rollout *r, lg_policy_piece *w) {
+    const size_t n = r->state, count = (w->steps + 1) * r->rows;
+    for (size_t i = 0; i < n; i++) {
+        double mean = 0.0, square = 0.0;
+        for (size_t k = i; k < count * n; k += n) mean += lg_number_at(r->dtype, w->path, k) / (double)count;
+        for (size_t k = i; k < count * n; k += n)
+            square += pow(lg_number_at(r->dtype, w->path, k) - mean, 2) / (double)count;
+        w->spread[i] = sqrt(square);
+    }
+}
+
+/* Shortens the lambda of each run to `bound` times the weight of the run, in the norm |(lambda_i s_i)_i|, s
+ * the spread of the states. A lambda that is not finite becomes 0. */
+static void shorten(const lg_policy_rollout *r, const lg_policy_piece *w, double bound, char *lambda) {
+    const size_t n = r->state;
+    for (size_t row = 0; row < r->rows; row++) {
+        double length = 0.0;
+        for (size_t i = 0; i < n; i++)
+            length += pow(lg_number_at(r->dtype, lambda, row * n + i) * w->spread[i], 2);
+        length = sqrt(length);
+        const double most = bound * lg_number_at(r->dtype, w->weight, row), by = most / length;
+        if (length <= most) continue;
+        for (size_t i = row * n; i < (row + 1) * n; i++) {
+            const double to = isfinite(length) ? by * lg_number_at(r->dtype, lambda, i) : 0.0;
+            lg_put_numbers(r->dtype, lambda, i, &to, 1);
+        }
+    }
+}
+
+void lg_policy_backward(const lg_policy_rollout *r, lg_policy_piece *w, double bound, double *sum) {
+    const size_t x = r->rows * r->state * width(r), n = r->given[0];
+    if (isfinite(bound)) find_spread(r, w);
+    lg_plan_eval(w->plan[LG_POLICY_ADJOINT_END], (const void *[]){w->path + w->steps * x, w->weight},
+                 (void *[]){w->lambda[w->steps % 2]}, w->work);
+    for (size_t k = w->steps; k-- > 0;) {
+        const void *in[3 + LG_POLICY_GIVEN];
+        const size_t taken = take(r, w, k, in);
+        char *slope = w->slope + (r->varies[0] ? k * n * width(r) : 0);
+        in[taken] = w->lambda[(k + 1) % 2], in[taken + 1] = w->weight;
+        lg_plan_eval(w->plan[LG_POLICY_ADJOINT_STEP], in, (void *[]){w->lambda[k % 2], slope}, w->work);
+        if (isfinite(bound)) shorten(r, w, bound, w->lambda[k % 2]);
+        for (size_t i = 0; !r->varies[0] && i < n; i++) sum[i] += lg_number_at(r->dtype, slope, i);
+    }
+}
+
+double lg_policy_gradient(const lg_policy_rollout *r, lg_policy_piece *w, double C, double bound,
+                          double *sum) {
+    double mean = 0.0;
+    lg_policy_cost(r, w);
+    for (size_t i = 0; i < r->rows; i++) {
+        const double J = w->total[i], left = isfinite(C) ? exp(-J / C) : 1.0, n = (double)r->rows;
+        mean += (isfinite(C) ? C * (1.0 - left) : J) / n;
+        lg_put_numbers(r->dtype, w->weight, i, &(double){left / n}, 1);
+    }
+    lg_policy_backward(r, w, bound, sum);
+    return mean;
+}
