@@ -105,10 +105,12 @@ lg_provenance app_provenance(const app *self, uint64_t seed) {
 
 /* ---- before training: options and files ---- */
 
-/* Returns the path of the checkpoint: --checkpoint, else a name made from --out. The caller frees it. */
-static char *checkpoint_path(void) {
-    return files->checkpoint != NULL ? app_format("%s", files->checkpoint)
-                                     : app_format("%s.checkpoint", files->out);
+static const char *checkpoint_path(void) {
+    if (files->checkpoint != NULL) return files->checkpoint;
+    const size_t size = strlen(files->out) + sizeof ".checkpoint";
+    char *path = app_keep(size, 1);
+    (void)snprintf(path, size, "%s.checkpoint", files->out);
+    return path;
 }
 
 static const lg_field *method_row(const train_task *task, void **values) {
@@ -175,15 +177,17 @@ static void tidy(const app *self, const char *checkpoint) {
 }
 
 /* Checks that no output file is also an input or another output. */
-static void check_files(app *self, const train_task *task) {
-    APP_FREE char *checkpoint = checkpoint_path();
+static void check_files(const train_session *session) {
+    app *self = session->app;
+    const lg_recipe *recipe = session->task->recipe;
+    const char *checkpoint = session->checkpoint;
     /* A resumed run may write its checkpoints to the file that it was resumed from. */
     const bool same = files->resume != NULL && app_same_file(files->resume, checkpoint);
     if (files->resume != NULL && !same) tidy(self, files->resume);
     self->continues = same;
     const app_path paths[] = {{"resume", same ? NULL : files->resume, LG_FILE_READ, NULL},
-                              {"out", files->out, LG_FILE_WRITTEN, task->recipe->name},
-                              {"checkpoint", checkpoint, LG_FILE_WRITTEN, task->recipe->checkpoint}};
+                              {"out", files->out, LG_FILE_WRITTEN, recipe->name},
+                              {"checkpoint", checkpoint, LG_FILE_WRITTEN, recipe->checkpoint}};
     app_check_outputs(self, paths, LG_COUNT(paths));
     app_check_text(self, files->history, TRAIN_HISTORY "\n");
 }
@@ -194,13 +198,13 @@ static lg_fit *fit_of(const train_session *self) {
 
 /* ---- callbacks of the fit ---- */
 
-static lg_status write_checkpoint(const train_session *self, const char *path, lg_error *error) {
+static lg_status write_checkpoint(const train_session *self, lg_error *error) {
     const train_task *task = self->task;
     const lg_provenance provenance = app_provenance(self->app, train_training(task)->seed);
     APP_CLEAN(lg_file_writer_destroy_at) lg_file_writer *writer = NULL;
     lg_archive_writer archive;
-    LG_TRY(lg_checkpoint_create(self->app->context, path, task->recipe, task->settings[0].values, &provenance,
-                                &writer, error));
+    LG_TRY(lg_checkpoint_create(self->app->context, self->checkpoint, task->recipe, task->settings[0].values,
+                                &provenance, &writer, error));
     LG_TRY(lg_file_writer_archive(writer, "fit", &archive));
     LG_TRY(lg_fit_save(fit_of(self), &archive, error));
     return lg_file_writer_commit(writer, error);
@@ -208,9 +212,8 @@ static lg_status write_checkpoint(const train_session *self, const char *path, l
 
 /* Saves the state; false, with a warning, if it cannot be written. */
 static bool save_state(train_session *self) {
-    APP_FREE char *path = checkpoint_path();
     self->checkpoint_error = (lg_error){LG_OK, ""};
-    self->checkpoint_status = write_checkpoint(self, path, &self->checkpoint_error);
+    self->checkpoint_status = write_checkpoint(self, &self->checkpoint_error);
     if (self->checkpoint_status != LG_OK)
         app_warn(self->app, "%s", app_sentence(self->checkpoint_status, &self->checkpoint_error));
     return self->checkpoint_status == LG_OK;
@@ -255,13 +258,13 @@ static lg_fit_options session_options(train_session *self) {
     return options;
 }
 
-/* Loads the state in the group /fit of an open checkpoint into the fit. */
-static void load_fit(const train_session *self, lg_file_reader *stored) {
+/* Loads the state in the group /fit of the checkpoint into the fit. */
+static void load_fit(const train_session *self) {
     lg_error error = {LG_OK, ""};
     lg_archive_reader archive;
-    lg_status status = lg_file_reader_archive(stored, "fit", &archive);
+    lg_status status = lg_file_reader_archive(self->reader, "fit", &archive);
     if (status == LG_OK) status = lg_fit_load(fit_of(self), &archive, &error);
-    const char *more = status != LG_OK ? lg_file_reader_message(stored) : "";
+    const char *more = status != LG_OK ? lg_file_reader_message(self->reader) : "";
     if (more[0] != '\0') (void)snprintf(error.message, sizeof error.message, "%s", more);
     if (status == LG_INVALID_ARGUMENT)
         app_stop(self->app, status, "%s: %s", files->resume, app_sentence(status, &error));
@@ -274,10 +277,9 @@ static void stopped(const train_session *self, lg_status status) {
     if (self->checkpoint_status != LG_OK)
         app_stop(self->app, LG_FILE, "the state could not be saved: %s",
                  app_sentence(self->checkpoint_status, &self->checkpoint_error));
-    APP_FREE char *path = checkpoint_path();
     app_note(self->app, "stopped in epoch %llu of %llu; continue with --resume %s",
              (unsigned long long)lg_fit_epochs_done(fit_of(self)) + 1,
-             (unsigned long long)train_training(self->task)->epochs, path);
+             (unsigned long long)train_training(self->task)->epochs, self->checkpoint);
     if (status == LG_CANCELLED) app_end(APP_EXIT_INTERRUPTED);
 }
 
@@ -297,7 +299,7 @@ static bool conclude(train_session *self, lg_status status, const lg_error *fit_
     /* Training failed: the state before the failed step is saved, so that nothing is lost. */
     if (status != LG_OK && lg_fit_steps_done(fit) > 0 && save_state(self))
         app_stop(self->app, status, "%s; the state before this failure is in %s",
-                 app_sentence(status, fit_error), checkpoint_path());
+                 app_sentence(status, fit_error), self->checkpoint);
     must(self->app, status, fit_error);
     if (lg_fit_why_finished(fit) != LG_FIT_END_EPOCHS)
         app_note(self->app, "training ended after %llu epochs: %s",
@@ -323,50 +325,42 @@ static bool run_fit(train_session *self) {
 static void finish(train_session *self) {
     const int code = self->app->code = train_finish(self);
     const bool kept = code == APP_EXIT_FILE || code == APP_EXIT_MEMORY || code == APP_EXIT_INTERRUPTED;
-    if (!kept || self->app->rank_count > 1 || !save_state(self)) return;
-    APP_FREE char *path = checkpoint_path();
-    app_note(self->app, "the training is kept in %s; write the model with --resume %s", path, path);
+    if (kept && self->app->rank_count == 1 && save_state(self))
+        app_note(self->app, "the training is kept in %s; write the model with --resume %s", self->checkpoint,
+                 self->checkpoint);
 }
 
 /* ---- the run ---- */
 
-/* A stored run that is resumed. It is compared with the run that the data and options describe. */
-typedef struct stored_run {
-    lg_file_reader *reader; /* NULL if no run is resumed */
-    void *run;
-} stored_run;
-
-static const lg_fit_settings *stored_training(const train_task *task, const stored_run *stored) {
-    return (const lg_fit_settings *)(const void *)((const char *)stored->run + task->recipe->training);
-}
-
-/* With --size, takes the width from the checkpoint, so that the race is not repeated. */
-static void adopt_size(app *self, const app_settings *settings, const void *from) {
-    app_slot *slot = app_find_slot(self, "hidden");
-    if (files->size == NULL || slot == NULL || slot->given) return;
-    lg_field_copy(slot->row, from, settings->values);
-    slot->given = true;
+static const lg_fit_settings *stored_training(const train_session *self) {
+    return (const lg_fit_settings *)(const void *)((const char *)self->stored + self->task->recipe->training);
 }
 
 /* Opens the checkpoint of --resume. Options that were not given on the command line get the stored run's
  * values. With --preset the run is derived again from preset and options, and then compared with the stored
- * run. */
-static void open_stored(app *self, train_task *task, stored_run *stored) {
+ * run. With --size, takes the width from the checkpoint, so that the race is not repeated. */
+static void open_stored(train_session *session) {
+    app *self = session->app;
+    train_task *task = session->task;
     if (files->resume == NULL) return;
-    stored->run = app_keep(1, task->settings[0].size);
-    APP_FILE(self, files->resume, lg_checkpoint_open, NULL, task->recipe, stored->run, &stored->reader);
-    adopt_size(self, &task->settings[0], stored->run);
-    if (!app_given(self, "preset")) lg_training_adopt(&task->training, stored->run, false);
-    if (!self->seed_given) self->seed = stored_training(task, stored)->seed;
+    void *stored = session->stored = app_keep(1, task->settings[0].size);
+    APP_FILE(self, files->resume, lg_checkpoint_open, NULL, task->recipe, stored, &session->reader);
+    app_slot *slot = files->size != NULL ? app_find_slot(self, "hidden") : NULL;
+    if (slot != NULL && !slot->given) {
+        lg_field_copy(slot->row, stored, task->settings[0].values);
+        slot->given = true;
+    }
+    if (!app_given(self, "preset")) lg_training_adopt(&task->training, stored, false);
+    if (!self->seed_given) self->seed = stored_training(session)->seed;
 }
 
-static void compare(const app *self, const train_task *task, const stored_run *stored) {
+static void compare(const train_session *self) {
+    const train_task *task = self->task;
     lg_error error = {LG_OK, ""};
-    if (stored->reader != NULL)
-        must(self,
-             lg_recipe_compare_runs(task->recipe, stored->run, task->settings[0].values, files->resume,
-                                    &error),
-             &error);
+    if (self->reader == NULL) return;
+    must(self->app,
+         lg_recipe_compare_runs(task->recipe, self->stored, task->settings[0].values, files->resume, &error),
+         &error);
 }
 
 uint32_t train_preset_given;
@@ -391,47 +385,47 @@ uint64_t train_epochs(const app *self, const lg_fit_settings *training) {
 
 /* A resumed run is also compared before the split, because other data may not be divisible in the stored
  * way. */
-static void run_with(app *self, train_task *task, const stored_run *stored, const train_race *race) {
+static void run_session(train_session *session) {
+    app *self = session->app;
+    train_task *task = session->task;
     lg_error error = {LG_OK, ""};
-    train_session session = {.app = self, .task = task, .race = *race};
     lg_fit_settings *training = train_training(task);
     const bool again = app_given(self, "preset"), splits = task->recipe->trainer->prepare != NULL;
     training->seed = self->seed;
-    must(self, train_describe(self, task, again ? NULL : stored->run, &error), &error);
-    if (stored->reader != NULL && !app_given(self, "epochs"))
-        training->epochs = stored_training(task, stored)->epochs;
+    must(self, train_describe(self, task, again ? NULL : session->stored, &error), &error);
+    if (session->reader != NULL && !app_given(self, "epochs"))
+        training->epochs = stored_training(session)->epochs;
     training->epochs = train_epochs(self, training);
-    if (stored->reader == NULL) check_options(self, task, train_ignores);
+    if (session->reader == NULL) check_options(self, task, train_ignores);
     /* A run derived again from --preset knows the parts of the data only after the split, so it is compared
      * only then. */
-    if (!(splits && again)) compare(self, task, stored);
+    if (!(splits && again)) compare(session);
     train_prepare(self, task);
-    if (splits) compare(self, task, stored);
+    if (splits) compare(session);
     const lg_status learned = task->learn != NULL ? task->learn(self, NULL, &error) : LG_NOT_FOUND;
     if (learned != LG_NOT_FOUND) {
         must(self, learned, &error);
         return;
     }
-    const lg_fit_options options = session_options(&session);
+    const lg_fit_options options = session_options(session);
     must(self, train_create(task, &options, &error), &error);
-    if (stored->reader != NULL) load_fit(&session, stored->reader);
-    if (run_fit(&session)) finish(&session);
+    if (session->reader != NULL) load_fit(session);
+    if (run_fit(session)) finish(session);
 }
 
 void train_main(app *self, train_task *task) {
-    stored_run stored = {NULL, NULL};
-    train_race race;
+    train_session session = {.app = self, .task = task, .checkpoint = checkpoint_path()};
     lg_error error = {LG_OK, ""};
     train_begin(self, task, 0);
     if (task->check != NULL) must(self, task->check(self, &error), &error);
     check_options(self, task, train_refuses);
-    check_files(self, task);
+    check_files(&session);
     app_read_options(self);
     train_read(self, task);
-    train_size(self, task, files->size, &race);
-    open_stored(self, task, &stored);
+    train_size(self, task, files->size, &session.race);
+    open_stored(&session);
     app_read_options(self);
-    run_with(self, task, &stored, &race);
-    lg_file_reader_destroy(stored.reader);
+    run_session(&session);
+    lg_file_reader_destroy(session.reader);
     lg_training_close(&task->training);
 }

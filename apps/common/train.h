@@ -33,9 +33,6 @@ extern const lg_field train_file_options[];
 #define TRAIN_STOPS                                                                                          \
     "Ctrl-C saves a checkpoint and ends with exit code 130; --resume continues to the same bits. While "     \
     "--size auto tries widths there is no checkpoint."
-/* A training that is running or has ended. */
-typedef struct train_session train_session;
-
 typedef struct train_task {
     const lg_recipe *recipe;
     const app_settings *settings; /* the command's settings; the first one describes the run */
@@ -83,14 +80,19 @@ void train_size_json(const train_race *race, app_json *json);
  * --seconds limits it. */
 uint64_t train_epochs(const app *app, const lg_fit_settings *training);
 
-struct train_session {
+/* A training that is running or has ended. */
+typedef struct train_session {
     app *app;
     train_task *task;
     train_race race;
+    const char *checkpoint; /* path: --checkpoint, else a name made from --out */
+    /* The run that is resumed (NULL: none), which is compared with what data and options describe. */
+    lg_file_reader *reader;
+    void *stored;
     app_progress progress;
     lg_status checkpoint_status;
     lg_error checkpoint_error;
-};
+} train_session;
 
 void train_main(app *app, train_task *task);
 

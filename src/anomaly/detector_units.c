@@ -42,7 +42,7 @@ static lg_status survey_begin(const lg_detector_problem *problem, const double *
     LG_CLEAN(survey_end) survey s = {.problem = problem, .chunk = lg_detector_chunk(problem)};
     lg_tape_options options;
     size_t largest = 0; /* values that the largest layer has for one window */
-    lg_cnn_layout(net, &s.layout);
+    s.layout = lg_cnn_layers(net);
     s.layers = s.layout.count - 1;
     for (uint32_t i = 0; i < s.layers; i++) {
         const size_t units = s.layout.layer[i].out,

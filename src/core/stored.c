@@ -54,6 +54,21 @@ static lg_status move(const lg_archive_writer *to, const lg_archive_reader *from
                    lg_status_sentence(status));
 }
 
+/* Returns `infinite` for a number that is not finite. */
+static lg_status check_numbers(const lg_stored *row, lg_status infinite, lg_error *error) {
+    const void *data = numbers_of(row);
+    for (uint64_t i = 0; i < count_of(row); i++) {
+        const double x = row->type == LG_ELEMENT_F64   ? ((const double *)data)[i]
+                         : row->type == LG_ELEMENT_F32 ? (double)((const float *)data)[i]
+                                                       : 0.0;
+        if (!isfinite(x)) return lg_fail(error, infinite, "%s: entry %zu is %g", row->path, (size_t)i, x);
+        if ((row->positive && !(x > 0)) || (row->not_negative && x < 0))
+            return lg_fail(error, LG_FORMAT, "%s: entry %zu is %g, expected %s 0", row->path, (size_t)i, x,
+                           row->positive ? "more than" : "at least");
+    }
+    return LG_OK;
+}
+
 lg_status lg_stored_save(const lg_archive_writer *to, const lg_stored *rows, size_t count, lg_error *error) {
     for (size_t i = 0; i < count; i++) LG_TRY(move(to, NULL, &rows[i], error));
     return LG_OK;
@@ -61,7 +76,11 @@ lg_status lg_stored_save(const lg_archive_writer *to, const lg_stored *rows, siz
 
 lg_status lg_stored_load(const lg_archive_reader *from, const lg_stored *rows, size_t count,
                          lg_error *error) {
-    for (size_t i = 0; i < count; i++) LG_TRY(move(NULL, from, &rows[i], error));
+    for (const lg_stored *row = rows; row < rows + count; row++) {
+        LG_TRY(move(NULL, from, row, error));
+        if ((row->finite || row->not_negative) && row->data != NULL)
+            LG_TRY(check_numbers(row, LG_FORMAT, error));
+    }
     return LG_OK;
 }
 
@@ -106,21 +125,6 @@ lg_status lg_stored_allocate(const lg_context *context, const lg_stored *row, lg
     return LG_OK;
 }
 
-static lg_status check_numbers(const lg_stored *row, lg_error *error) {
-    const void *data = numbers_of(row);
-    for (uint64_t i = 0; i < count_of(row); i++) {
-        const double x = row->type == LG_ELEMENT_F64   ? ((const double *)data)[i]
-                         : row->type == LG_ELEMENT_F32 ? (double)((const float *)data)[i]
-                                                       : 0.0;
-        if (!isfinite(x))
-            return lg_fail(error, LG_NOT_FINITE, "%s: entry %zu is %g", row->path, (size_t)i, x);
-        if (row->positive && !(x > 0))
-            return lg_fail(error, LG_FORMAT, "%s: entry %zu is %g, expected more than 0", row->path,
-                           (size_t)i, x);
-    }
-    return LG_OK;
-}
-
 lg_status lg_stored_make(const lg_context *context, const lg_archive_reader *from, const lg_stored *rows,
                          size_t count, lg_error *error) {
     for (const lg_stored *row = rows; row < rows + count; row++) {
@@ -128,7 +132,7 @@ lg_status lg_stored_make(const lg_context *context, const lg_archive_reader *fro
         LG_TRY(check_shape(from, row, error));
         LG_TRY(lg_stored_allocate(context, row, error));
         LG_TRY(lg_as_format(lg_stored_load(from, row, 1, error), error));
-        LG_TRY(check_numbers(row, error));
+        LG_TRY(check_numbers(row, LG_NOT_FINITE, error));
     }
     return LG_OK;
 }

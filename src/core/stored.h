@@ -9,15 +9,18 @@ typedef struct lg_stored {
     lg_element type;
     uint32_t rank; /* 0: one number */
     uint64_t dims[3];
-    void *data;    /* NULL: the row is not stored */
-    bool pointed;  /* `data` points to a pointer to the numbers */
-    bool positive; /* all numbers, of doubles, must be above 0 */
+    void *data;   /* NULL: the row is not stored */
+    bool pointed; /* `data` points to a pointer to the numbers */
+    /* The numbers, doubles or floats, must be above 0, or at least 0, or finite. lg_stored_load checks the
+     * last two; all numbers of lg_stored_make must be finite. */
+    bool positive, not_negative, finite;
     /* `data` is a number (uint32_t) below `names`, stored as the text that `name` gives it; else NULL. */
     const char *(*name)(uint32_t number);
     uint32_t names;
 } lg_stored;
 
-/* The messages of all functions name the path. */
+/* The messages of all functions name the path. lg_stored_load returns LG_FORMAT for numbers that are not what
+ * `finite` and the other members say. */
 lg_status lg_stored_save(const lg_archive_writer *to, const lg_stored *rows, size_t count, lg_error *error);
 lg_status lg_stored_load(const lg_archive_reader *from, const lg_stored *rows, size_t count, lg_error *error);
 /* LG_INVALID_ARGUMENT if a stored number is not the one that its row points to. The rows are single numbers

@@ -13,12 +13,7 @@ const char *lg_pooling_name(lg_pooling kind) {
 
 /* ---- description ---- */
 
-#define MAX_SIZE       ((uint32_t)1 << 20)
 #define MAX_PARAMETERS ((uint64_t)1 << 31)
-
-static bool size_fits(uint32_t x) {
-    return x >= 1 && x <= MAX_SIZE;
-}
 
 /* Checks block i, counted from 0. *length is the length of its input; it becomes that of its output. */
 static lg_status check_block(const lg_cnn_block *b, uint32_t i, uint32_t *length, lg_error *error) {
@@ -26,8 +21,9 @@ static lg_status check_block(const lg_cnn_block *b, uint32_t i, uint32_t *length
     const bool pooled = b->pooling != LG_POOL_NONE;
     if ((unsigned)b->pooling >= LG_POOLING_COUNT)
         return lg_fail(error, LG_INVALID_ARGUMENT, "block %" PRIu32 ": unknown pooling", number);
-    if (!size_fits(b->channels) || !size_fits(b->kernel) || !size_fits(b->stride) ||
-        (pooled && (!size_fits(b->pool_size) || !size_fits(b->pool_stride))))
+    if (!lg_layers_size_fits(b->channels) || !lg_layers_size_fits(b->kernel) ||
+        !lg_layers_size_fits(b->stride) ||
+        (pooled && (!lg_layers_size_fits(b->pool_size) || !lg_layers_size_fits(b->pool_stride))))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "block %" PRIu32 ": channels, kernel, stride, pooling size and stride must be 1 to "
                        "2^20",
@@ -70,8 +66,8 @@ lg_status lg_cnn_init(lg_cnn *net, lg_error *error) {
     if (net->blocks > LG_CNN_MAX_BLOCKS)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%" PRIu32 " blocks; at most %d are possible", net->blocks,
                        LG_CNN_MAX_BLOCKS);
-    if (!size_fits(net->channels) || !size_fits(net->length) || !size_fits(net->outputs) ||
-        net->plane > MAX_SIZE)
+    if (!lg_layers_size_fits(net->channels) || !lg_layers_size_fits(net->length) ||
+        !lg_layers_size_fits(net->outputs) || (net->plane > 0 && !lg_layers_size_fits(net->plane)))
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "%" PRIu32 " channels, %" PRIu32 " samples, a plane of %" PRIu32 ", %" PRIu32
                        " outputs: sizes must be 1 to 2^20",
@@ -133,36 +129,32 @@ void lg_cnn_init_default(lg_cnn *out, uint32_t channels, uint32_t length, uint32
     *out = net;
 }
 
-void lg_cnn_layout(const lg_cnn *net, lg_layers *layout) {
+lg_layers lg_cnn_layers(const lg_cnn *net) {
     size_t in = (size_t)net->lengths[net->blocks] * cnn_channels(net, net->blocks);
-    layout->count = 0;
-    layout->parameters = 0;
+    lg_layers all = {.count = 0};
     for (uint32_t i = 0; i < net->blocks; i++) {
         const lg_cnn_block *b = &net->block[i];
         const size_t read = (size_t)b->kernel * cnn_channels(net, i);
-        lg_layers_add(layout, "conv", i + 1, read, b->channels, b->kernel, true);
+        lg_layers_add(&all, "conv", i + 1, read, b->channels, b->kernel, true);
     }
     if (net->plane > 0) {
-        lg_layers_add(layout, "plane", 0, in, net->plane, 0, true);
+        lg_layers_add(&all, "plane", 0, in, net->plane, 0, true);
         in = net->plane;
     }
-    lg_layers_add(layout, "output", 0, in, net->outputs, 0, true);
+    lg_layers_add(&all, "output", 0, in, net->outputs, 0, true);
+    return all;
 }
 
 size_t lg_cnn_parameters(const lg_cnn *net) {
-    lg_layers layout;
-    lg_cnn_layout(net, &layout);
-    return layout.parameters;
+    return lg_cnn_layers(net).parameters;
 }
 
 bool lg_cnn_slice(const lg_cnn *net, uint32_t index, lg_slice_info *out) {
-    lg_layers layout;
-    lg_cnn_layout(net, &layout);
-    return lg_layers_slice(&layout, index, out);
+    const lg_layers layers = lg_cnn_layers(net);
+    return lg_layers_slice(&layers, index, out);
 }
 
 void lg_cnn_initialise(const lg_cnn *net, lg_rng *rng, double *theta) {
-    lg_layers layout;
-    lg_cnn_layout(net, &layout);
-    lg_layers_initialise(&layout, rng, theta);
+    const lg_layers layers = lg_cnn_layers(net);
+    lg_layers_initialise(&layers, rng, theta);
 }

@@ -7,13 +7,13 @@
 
 #define CNN_MAX_LAYERS (LG_CNN_MAX_BLOCKS + 2)
 
-void lg_cnn_layout(const lg_cnn *net, lg_layers *layout);
+lg_layers lg_cnn_layers(const lg_cnn *net);
 
 /* The same as lg_cnn_record, but convolutions, activations and poolings are separate operations. A program
  * that also has recorded derivatives then computes each convolution once. */
 lg_var lg_cnn_record_apart(lg_tape *tape, const lg_cnn *net, lg_var theta, lg_var x);
 
-/* The same as lg_cnn_record; also returns the output of each layer of the layout: (B, L'', O) for a block,
+/* The same as lg_cnn_record; also returns the output of each layer of lg_cnn_layers: (B, L'', O) for a block,
  * (B, out) for a dense layer. */
 lg_var lg_cnn_record_layers(lg_tape *tape, const lg_cnn *net, lg_var theta, size_t offset, lg_var x,
                             lg_var layers[CNN_MAX_LAYERS]);

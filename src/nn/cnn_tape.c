@@ -32,9 +32,8 @@ static lg_var block(lg_tape *tape, const lg_cnn *net, uint32_t i, bool apart, lg
 
 static lg_var record(lg_tape *tape, const lg_cnn *net, bool apart, lg_var theta, size_t offset, lg_var x,
                      lg_var layers[CNN_MAX_LAYERS]) {
-    lg_layers layout;
+    const lg_layers layout = lg_cnn_layers(net);
     lg_var w[CNN_MAX_LAYERS], b[CNN_MAX_LAYERS];
-    lg_cnn_layout(net, &layout);
     for (uint32_t i = 0; i < CNN_MAX_LAYERS; i++) layers[i] = LG_NONE;
     if (lg_layers_bind(tape, &layout, "cnn", theta, offset, w, b) != LG_OK || !fits(tape, net, x))
         return LG_NONE;

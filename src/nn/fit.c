@@ -174,8 +174,7 @@ static lg_status create_machinery(lg_fit *fit) {
     LG_TRY(create_shards(fit));
     fit->blocks = (n + LG_FIT_BLOCK - 1) / LG_FIT_BLOCK;
     LG_TRY(LG_ALLOC_ALL(fit->context, LG_ARRAY(fit->partial, fit->blocks),
-                        LG_ARRAY(fit->overflowed, fit->blocks), {&fit->backup, 3 * n, fit->k->size},
-                        LG_ARRAY(fit->scratch, fit->options.epochs)));
+                        {&fit->backup, 3 * n, fit->k->size}, LG_ARRAY(fit->scratch, fit->options.epochs)));
     if (fit->options.restarts > 0 && fit->problem.revive != NULL)
         LG_TRY(LG_ALLOC_ALL(fit->context, LG_ARRAY(fit->revived, n)));
     return lg_thread_pool_create(fit->context, fit->options.threads, &fit->pool);
@@ -237,7 +236,7 @@ void lg_fit_destroy(lg_fit *fit) {
     }
     lg_free(fit->context, fit->shards);
     lg_fit_ranks_destroy(fit);
-    LG_FREE_ALL(fit->context, fit->partial, fit->overflowed, fit->backup, fit->scratch, fit->revived);
+    LG_FREE_ALL(fit->context, fit->partial, fit->backup, fit->scratch, fit->revived);
     lg_fit_state_destroy(fit, &fit->state);
     lg_free(fit->context, fit);
 }
@@ -293,7 +292,7 @@ static lg_status validate(lg_fit *fit, double *loss, lg_error *error) {
     for (size_t done = 0; done < total;) {
         const size_t count = total - done < fit->batch ? total - done : fit->batch;
         double part = 0.0;
-        LG_TRY(lg_fit_batch_loss(fit, samples + done, count, false, what, &part, error));
+        LG_TRY(lg_fit_batch_loss(fit, samples + done, count, LG_FIT_VALUE, what, &part, error));
         sum += part * (double)count;
         done += count;
     }
@@ -364,20 +363,12 @@ static lg_status run_epoch(lg_fit *fit, lg_fit_epoch *report, lg_error *error) {
 
 /* Resets the state to that before the first epoch, with other parameters. */
 static void begin_again(lg_fit *fit, const double *theta) {
-    const lg_fit_state old = fit->state;
-    const size_t bytes = fit->problem.parameters * fit->k->size;
-    lg_minimiser_destroy(old.minimiser);
-    fit->state = (lg_fit_state){.memory = old.memory,
-                                .theta = old.theta,
-                                .m = old.m,
-                                .v = old.v,
-                                .best = old.best,
-                                .order = old.order,
-                                .restarts = old.restarts + 1,
-                                .lost_seconds = fit->spent};
-    memcpy(fit->state.history, old.history, sizeof old.history);
-    memset(old.m, 0, bytes);
-    memset(old.v, 0, bytes);
+    lg_fit_state *s = &fit->state, fresh = {.restarts = s->restarts + 1, .lost_seconds = fit->spent};
+    fresh.memory = s->memory;
+    s->memory = NULL;
+    lg_fit_state_destroy(fit, s);
+    memset(fresh.memory, 0, place(fit, fresh.memory, &fresh));
+    *s = fresh;
     start(fit, theta);
 }
 

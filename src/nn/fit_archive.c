@@ -1,6 +1,5 @@
 /* Saving and loading the state of a training run. One list names what is stored, for both. */
 #include <inttypes.h>
-#include <math.h>
 #include <string.h>
 
 #include "core/stored.h"
@@ -70,31 +69,48 @@ static lg_status load_plans(lg_fit *fit, const lg_archive_reader *reader, lg_err
     return LG_OK;
 }
 
-/* ---- the state as a list of arrays ---- */
+/* ---- the state as a list of numbers and arrays ---- */
 
-enum { SCALARS = 15, ARRAYS = 10 };
+enum { SCALARS = 15, ITEMS = 25 };
 
-/* The scalars, which are read before the arrays, since they say how long the arrays are. `open` stands for
- * s->open as a number. A plan of Adam alone has no phases. */
-static void list_scalars(const lg_fit *fit, lg_fit_state *s, uint64_t *open, lg_stored out[SCALARS]) {
-    const bool phases = fit->options.plan.phases > 0, restarts = fit->options.restarts > 0;
-    const lg_stored list[SCALARS] = {
+/* The scalars are read before the arrays, since they say how long the arrays are. A plan of Adam alone has no
+ * phases. */
+static void list_state(const lg_fit *fit, lg_fit_state *s, lg_stored out[ITEMS]) {
+    const bool phases = fit->options.plan.phases > 0, restarts = fit->options.restarts > 0,
+               begun = s->epoch > 0, validated = fit->training < fit->problem.samples;
+    const lg_element type = fit->options.dtype == LG_F64 ? LG_ELEMENT_F64 : LG_ELEMENT_F32;
+    const uint64_t n = fit->problem.parameters;
+#define SERIES(path, i, must)                                                                                \
+    { path, LG_ELEMENT_F64, 1, {s->epoch}, begun ? s->history[i] : NULL, .finite = must }
+    const lg_stored list[ITEMS] = {
         {"train/epoch", LG_ELEMENT_U64, .data = &s->epoch},
         {"train/position", LG_ELEMENT_U64, .data = &s->position},
-        {"train/open", LG_ELEMENT_U64, .data = open},
+        {"train/open", LG_ELEMENT_U64, .data = &s->open},
         {"train/best_epoch", LG_ELEMENT_U64, .data = &s->best_epoch},
-        {"train/running_loss", LG_ELEMENT_F64, .data = &s->running_loss},
-        {"train/running_seconds", LG_ELEMENT_F64, .data = &s->running_seconds},
+        {"train/running_loss", LG_ELEMENT_F64, .data = &s->running_loss, .finite = true},
+        {"train/running_seconds", LG_ELEMENT_F64, .data = &s->running_seconds, .finite = true},
         {"optimizer/adam/step", LG_ELEMENT_U64, .data = &s->step},
         {"train/adam_epochs", LG_ELEMENT_U64, .data = phases ? &s->adam_epochs : NULL},
         {"train/phase", LG_ELEMENT_U64, .data = phases ? &s->phase : NULL},
         {"train/phase_start", LG_ELEMENT_U64, .data = phases ? &s->phase_start : NULL},
-        {"train/noise", LG_ELEMENT_F64, .data = phases ? &s->noise : NULL},
+        {"train/noise", LG_ELEMENT_F64, .data = phases ? &s->noise : NULL, .not_negative = true},
         {"train/plateau", LG_ELEMENT_F64, .data = phases ? &s->plateau : NULL},
         {"train/plateau_start", LG_ELEMENT_U64, .data = phases ? &s->plateau_start : NULL},
         {"train/restarts", LG_ELEMENT_U64, .data = restarts ? &s->restarts : NULL},
-        {"train/restart_seconds", LG_ELEMENT_F64, .data = restarts ? &s->lost_seconds : NULL},
+        {"train/restart_seconds", LG_ELEMENT_F64, .data = restarts ? &s->lost_seconds : NULL,
+         .not_negative = true},
+        {"optimizer/parameters", type, 1, {n}, s->theta, .finite = true},
+        {"optimizer/adam/m", type, 1, {n}, s->m, .finite = true},
+        {"optimizer/adam/v", type, 1, {n}, s->v, .not_negative = true},
+        {"rng", LG_ELEMENT_U64, 1, {4}, .data = s->rng.s},
+        {"train/permutation", LG_ELEMENT_U32, 1, {fit->problem.samples}, .data = s->order},
+        {"optimizer/best", type, 1, {n}, begun ? s->best : NULL, .finite = true},
+        SERIES("train/history/loss", LG_FIT_LOSS, true),
+        SERIES("train/history/validation", LG_FIT_VALIDATION, validated),
+        SERIES("train/history/seconds", LG_FIT_SECONDS, false),
+        SERIES("train/history/rate", LG_FIT_RATE, false),
     };
+#undef SERIES
     memcpy(out, list, sizeof list);
 }
 
@@ -103,41 +119,19 @@ static bool has_minimiser(const lg_fit *fit, const lg_fit_state *s) {
     return !lg_fit_method_batches(lg_fit_method_of(fit, s->phase)) && s->epoch > s->phase_start;
 }
 
-#define SERIES(path, i)                                                                                      \
-    { path, LG_ELEMENT_F64, 1, {epochs}, .data = epochs > 0 ? s->history[i] : NULL }
-static void list_arrays(const lg_fit *fit, lg_fit_state *s, lg_stored out[ARRAYS]) {
-    const lg_element type = fit->options.dtype == LG_F64 ? LG_ELEMENT_F64 : LG_ELEMENT_F32;
-    const uint64_t n = fit->problem.parameters, epochs = s->epoch;
-    const lg_stored list[ARRAYS] = {
-        {"optimizer/parameters", type, 1, {n}, .data = s->theta},
-        {"optimizer/adam/m", type, 1, {n}, .data = s->m},
-        {"optimizer/adam/v", type, 1, {n}, .data = s->v},
-        {"rng", LG_ELEMENT_U64, 1, {4}, .data = s->rng.s},
-        {"train/permutation", LG_ELEMENT_U32, 1, {fit->problem.samples}, .data = s->order},
-        {"optimizer/best", type, 1, {n}, .data = epochs > 0 ? s->best : NULL},
-        SERIES("train/history/loss", LG_FIT_LOSS),
-        SERIES("train/history/validation", LG_FIT_VALIDATION),
-        SERIES("train/history/seconds", LG_FIT_SECONDS),
-        SERIES("train/history/rate", LG_FIT_RATE),
-    };
-    memcpy(out, list, sizeof list);
-}
-
 lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error) {
     LG_NEEDS(error, fit, writer);
     lg_fit_state copy = fit->state; /* shares the arrays with fit->state, which are only read */
-    uint64_t open = copy.open;
-    lg_stored items[SCALARS + ARRAYS];
-    list_scalars(fit, &copy, &open, items);
-    list_arrays(fit, &copy, items + SCALARS);
+    lg_stored items[ITEMS];
+    list_state(fit, &copy, items);
     LG_TRY(move_hyperparameters(fit, writer, NULL, error));
-    LG_TRY(lg_stored_save(writer, items, LG_COUNT(items), error));
+    LG_TRY(lg_stored_save(writer, items, ITEMS, error));
     return has_minimiser(fit, &copy) ? lg_minimiser_save(copy.minimiser, writer, error) : LG_OK;
 }
 
 /* ---- what a state must satisfy ---- */
 
-static lg_status check_scalars(const lg_fit *fit, const lg_fit_state *s, uint64_t open, lg_error *error) {
+static lg_status check_scalars(const lg_fit *fit, const lg_fit_state *s, lg_error *error) {
     const uint64_t batches = lg_fit_batches(fit, fit->training);
     const uint32_t phases = fit->options.plan.phases;
     if (!(s->phase < (phases > 0 ? phases : 1) && s->phase_start <= s->epoch && s->adam_epochs <= s->epoch))
@@ -148,25 +142,16 @@ static lg_status check_scalars(const lg_fit *fit, const lg_fit_state *s, uint64_
         {s->position <= fit->training, "train/position is larger than the training part"},
         {s->position % fit->batch == 0 || s->position == fit->training,
          "train/position is not at the end of a batch"},
-        {open <= 1 && (open == 1 || s->position == 0), "train/open does not fit train/position"},
-        {s->epoch < fit->options.epochs || open == 0, "train/open is set after the last epoch"},
+        {s->open <= 1 && (s->open == 1 || s->position == 0), "train/open does not fit train/position"},
+        {s->epoch < fit->options.epochs || s->open == 0, "train/open is set after the last epoch"},
         {s->best_epoch <= s->epoch && (s->best_epoch > 0) == (s->epoch > 0),
          "train/best_epoch does not fit train/epoch"},
-        {cut || (s->position == 0 && open == 0), "train/position is set in a phase without batches"},
-        {isfinite(s->noise) && s->noise >= 0.0, "train/noise is negative or not finite"},
-        {isfinite(s->running_loss), "train/running_loss is not finite"},
-        {isfinite(s->running_seconds), "train/running_seconds is not finite"},
+        {cut || (s->position == 0 && s->open == 0), "train/position is set in a phase without batches"},
         {s->restarts <= fit->options.restarts, "train/restarts is larger than the option restarts"},
-        {isfinite(s->lost_seconds) && s->lost_seconds >= 0.0,
-         "train/restart_seconds is negative or not finite"},
+        {s->step == s->adam_epochs * batches + lg_fit_batches(fit, s->position),
+         "optimizer/adam/step does not fit train/epoch and train/position"},
     };
-    LG_TRY(lg_check_rules(rules, LG_COUNT(rules), LG_FORMAT, error));
-    if (s->step != s->adam_epochs * batches + lg_fit_batches(fit, s->position))
-        return lg_fail(error, LG_FORMAT,
-                       "optimizer/adam/step is %" PRIu64 ", which does not fit train/epoch and "
-                       "train/position",
-                       s->step);
-    return LG_OK;
+    return lg_check_rules(rules, LG_COUNT(rules), LG_FORMAT, error);
 }
 
 static lg_status check_permutation(const lg_fit *fit, const uint32_t *order, lg_error *error) {
@@ -187,55 +172,21 @@ static lg_status check_permutation(const lg_fit *fit, const uint32_t *order, lg_
     return LG_OK;
 }
 
-static bool all_not_negative(const lg_fit *fit, const void *x) {
-    for (size_t i = 0; i < fit->problem.parameters; i++) {
-        double value = 0.0;
-        fit->k->convert_out(1, (const char *)x + i * fit->k->size, &value);
-        if (!(value >= 0.0)) return false;
-    }
-    return true;
-}
-
-static lg_status check_arrays(const lg_fit *fit, const lg_fit_state *s, lg_error *error) {
-    const size_t n = fit->problem.parameters, epochs = (size_t)s->epoch;
-    const lg_kernels *real = lg_kernels_for(LG_F64);
-    const bool validated = fit->training < fit->problem.samples;
-    const lg_rule rules[] = {
-        {fit->k->all_finite(n, s->theta), "optimizer/parameters is not finite"},
-        {fit->k->all_finite(n, s->m), "optimizer/adam/m is not finite"},
-        {fit->k->all_finite(n, s->v) && all_not_negative(fit, s->v),
-         "optimizer/adam/v is not finite or negative"},
-        {fit->k->all_finite(n, s->best), "optimizer/best is not finite"},
-        {(s->rng.s[0] | s->rng.s[1] | s->rng.s[2] | s->rng.s[3]) != 0, "rng is all zeros"},
-        {real->all_finite(epochs, s->history[LG_FIT_LOSS]), "train/history/loss is not finite"},
-        {!validated || real->all_finite(epochs, s->history[LG_FIT_VALIDATION]),
-         "train/history/validation is not finite"},
-    };
-    LG_TRY(lg_check_rules(rules, LG_COUNT(rules), LG_FORMAT, error));
-    return check_permutation(fit, s->order, error);
-}
-
-static lg_status load_minimiser(const lg_fit *fit, const lg_archive_reader *reader, lg_fit_state *s,
-                                lg_error *error) {
-    const lg_minimise_options options = lg_fit_minimise_options(fit, s->phase);
-    LG_TRY(
-        lg_minimiser_create(fit->context, fit->problem.parameters, &options, s->theta, &s->minimiser, error));
-    return lg_minimiser_load(s->minimiser, reader, error);
-}
-
 static lg_status load_state(const lg_fit *fit, const lg_archive_reader *reader, lg_fit_state *s,
                             lg_error *error) {
-    uint64_t open = 0;
-    lg_stored scalars[SCALARS], arrays[ARRAYS];
-    list_scalars(fit, s, &open, scalars);
-    LG_TRY(lg_stored_load(reader, scalars, SCALARS, error));
+    lg_stored items[ITEMS];
+    list_state(fit, s, items);
+    LG_TRY(lg_stored_load(reader, items, SCALARS, error));
     if (fit->options.plan.phases == 0) s->adam_epochs = s->epoch;
-    LG_TRY(check_scalars(fit, s, open, error));
-    s->open = open == 1;
-    list_arrays(fit, s, arrays);
-    LG_TRY(lg_stored_load(reader, arrays, ARRAYS, error));
-    LG_TRY(check_arrays(fit, s, error));
-    return has_minimiser(fit, s) ? load_minimiser(fit, reader, s, error) : LG_OK;
+    LG_TRY(check_scalars(fit, s, error));
+    list_state(fit, s, items);
+    LG_TRY(lg_stored_load(reader, items + SCALARS, ITEMS - SCALARS, error));
+    if ((s->rng.s[0] | s->rng.s[1] | s->rng.s[2] | s->rng.s[3]) == 0)
+        return lg_fail(error, LG_FORMAT, "rng is all zeros");
+    LG_TRY(check_permutation(fit, s->order, error));
+    if (!has_minimiser(fit, s)) return LG_OK;
+    LG_TRY(lg_fit_create_minimiser(fit, s, error));
+    return lg_minimiser_load(s->minimiser, reader, error);
 }
 
 lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_error *error) {

@@ -27,7 +27,7 @@ typedef struct lg_fit_state {
     double noise;                /* estimated variance of the noise in the data; 0: the prior is off */
     double plateau;              /* the minimiser's loss at iteration plateau_start */
     uint64_t plateau_start;
-    bool open;           /* the order of the unfinished epoch is drawn */
+    uint64_t open;       /* 1: the order of the unfinished epoch is drawn; else 0 */
     uint64_t restarts;   /* how often a dead model was given other parameters */
     double lost_seconds; /* of all epochs before the last restart */
     double running_loss; /* sum over the batches of the unfinished epoch: loss times samples */
@@ -35,6 +35,14 @@ typedef struct lg_fit_state {
 } lg_fit_state;
 
 typedef struct lg_fit_recording lg_fit_recording;
+
+/* What is computed of a batch: its loss; also its gradient; for sums of squares also the Gauss-Newton
+ * matrix. */
+typedef enum lg_fit_wanted { LG_FIT_VALUE, LG_FIT_GRADIENT, LG_FIT_SQUARES } lg_fit_wanted;
+/* Pairs of shards of which one is added into the other (lg_fit_for_pairs). LG_PAIRS_HERE: the pairs that this
+ * rank adds alone, before the exchange. LG_PAIRS_REST: the pairs that every rank adds after it; without
+ * ranks, all pairs. */
+typedef enum lg_pairs { LG_PAIRS_HERE, LG_PAIRS_REST } lg_pairs;
 
 typedef struct lg_shard {
     uint32_t rank;  /* the rank that computes this shard */
@@ -80,18 +88,20 @@ struct lg_fit {
     lg_fit_cost cost;
     /* The current batch: shards in use, samples, what is wanted of it. Then the data of the step. */
     size_t active, batch_samples;
-    bool with_gradient, with_squares;
+    lg_fit_wanted wanted;
+    lg_pairs pairs;                       /* what is added up now */
     const struct lg_fit_batches_row *row; /* the method of this step */
     double clip, rate;
     /* number of blocks of LG_FIT_BLOCK parameters, by which gradients are summed and steps are taken */
     size_t blocks;
-    double *partial;  /* (blocks): squared norm of the block's part of the gradient */
-    bool *overflowed; /* (blocks): the step gave a value in this block that is not finite */
-    double largest;   /* norm of all parameters at the start of the epoch; no parameter is larger */
-    bool careful;     /* this step might overflow: keep a backup and check the result */
-    char *backup;     /* theta, m and v before a careful step */
-    double *scratch;  /* (epochs): to compute the median of the seconds */
-    double *revived;  /* (parameters): for problem.revive; NULL without restarts */
+    /* (blocks): squared norm of the block's part of the gradient; NaN after a step that gave a value in the
+     * block that is not finite */
+    double *partial;
+    double largest;  /* norm of all parameters at the start of the epoch; no parameter is larger */
+    bool careful;    /* this step might overflow: keep a backup and check the result */
+    char *backup;    /* theta, m and v before a careful step */
+    double *scratch; /* (epochs): to compute the median of the seconds */
+    double *revived; /* (parameters): for problem.revive; NULL without restarts */
 };
 
 #define LG_FIT_BLOCK  4096
@@ -102,31 +112,22 @@ size_t lg_fit_pieces(size_t samples, size_t parameters, size_t chunk);
 lg_status lg_fit_state_create(const lg_fit *fit, lg_fit_state *out);
 void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state);
 
-/* Loss of a batch at fit->point, summed over the shards in order. With with_gradient, the shards' gradients
- * are computed too. The sentence of an error begins with `what`. */
-lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient,
+/* Loss of a batch at fit->point, summed over the shards in order; the shards get contiguous pieces of the
+ * batch, and have their gradients and matrices if these are wanted. The sentence of an error begins with
+ * `what`. */
+lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, lg_fit_wanted wanted,
                             const char *what, double *loss, lg_error *error);
 /* Finds out whether a plan can compute the loss of the first chunk. If not, the tape computes all losses. */
 lg_status lg_fit_try_recording(lg_fit *fit);
-/* Cuts the samples into contiguous pieces, one per shard; sets fit->active and fit->batch_samples. */
-void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count);
-/* Adds the loss and the derivatives of `count` samples to the shard's. */
-typedef lg_status (*lg_fit_chunk)(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count);
-/* Sets the shard's loss to 0 and calls `add` for each chunk of its samples. Chunks bound the memory of a tape
- * and keep its values in the cache. */
-lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add);
 /* ---- losses as plans (fit_recording.c) ---- */
 
 /* Plans that a shard keeps: for full chunks, for the last chunks of shards and batches, and for recordings
  * that differ. */
 #define LG_FIT_RECORDINGS 16
-/* Sets *can to true and makes a plan if a plan can compute the loss of these samples; else sets *can to
- * false. */
-lg_status lg_fit_can_record(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
-                            bool *can);
-/* Records the problem's loss of the samples. */
-lg_status lg_fit_record_loss(const lg_fit_problem *problem, lg_tape *tape, lg_var theta,
-                             const uint32_t *samples, size_t count, size_t batch, lg_var *loss);
+/* Records the problem's loss of the samples at the parameters `point`, which are of the tape's type, or with
+ * `residuals` these. */
+lg_status lg_fit_record(const lg_fit_problem *problem, lg_tape *tape, const void *point, bool residuals,
+                        const uint32_t *samples, size_t count, size_t batch, lg_var *theta, lg_var *out);
 /* Adds loss and gradient of the samples to the shard's, by a plan (lg_fit_problem.repeats). *done = false: a
  * plan is not possible for these samples, and nothing has been added. */
 lg_status lg_fit_run_recording(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
@@ -134,20 +135,21 @@ lg_status lg_fit_run_recording(const lg_fit *fit, lg_shard *shard, const uint32_
 void lg_fit_recordings_destroy(const lg_fit *fit, lg_shard *shard);
 size_t lg_fit_recordings_size(const lg_shard *shard, size_t *plans); /* bytes; number of plans */
 
-/* Sums the losses of the shards. Fails if a shard has failed or the sum is not finite. */
-lg_status lg_fit_sum_losses(const lg_fit *fit, const char *what, double *loss, lg_error *error);
-/* Computes loss, gradient and Gauss-Newton matrix of all training samples from the residuals. Gradient and
- * matrix are in the first shard. */
+/* ---- sums of squares (fit_squares.c) ---- */
+
+/* Loss, gradient and Gauss-Newton matrix of all training samples, from the residuals. Gradient and matrix are
+ * in the first shard. */
 lg_status lg_fit_squares(lg_fit *fit, const char *what, double *value, lg_error *error);
+/* Adds |r|^2, J^T r and J^T J of `count` samples to the shard's loss, gradient and matrix. Those of the first
+ * chunk of a shard become them. */
+lg_status lg_fit_add_squares(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count);
 /* Adds `decay` and problem.decay to the matrix's diagonal, and `prior` to its first `weights` elements. */
 void lg_fit_add_diagonal(lg_fit *fit, size_t weights, double prior, double decay);
-/* Adds the gradients of all shards into the first shard's gradient, and returns its norm. */
-double lg_fit_reduce(lg_fit *fit);
+/* Adds the gradients of the shards, and their matrices if they are wanted, pair by pair; after LG_PAIRS_REST
+ * the first shard has the sums. Returns the norm of its gradient. */
+double lg_fit_reduce(lg_fit *fit, lg_pairs pairs);
 /* Calls add(fit, user, to, from) for all pairs of the tree (0 + 1) + (2 + 3) ..., in order: it adds shard
- * `from` into shard `to`, so that shard 0 gets the sum of all. LG_PAIRS_HERE: the pairs that this rank adds
- * alone, before the exchange. LG_PAIRS_REST: the pairs that every rank adds after it; without ranks, all
- * pairs. */
-typedef enum lg_pairs { LG_PAIRS_HERE, LG_PAIRS_REST } lg_pairs;
+ * `from` into shard `to`, so that shard 0 gets the sum of all. */
 typedef void (*lg_fit_add)(const lg_fit *fit, void *user, size_t to, size_t from);
 void lg_fit_for_pairs(const lg_fit *fit, lg_pairs pairs, lg_fit_add add, void *user);
 /* The factor min(1, limit/norm), which shortens a gradient to at most `limit`; 1 for limit 0. */
@@ -179,9 +181,6 @@ bool lg_fit_holds(const lg_fit *fit, size_t shard);
  * follows: then every rank has the losses and statuses of all shards and, if wanted, the sums that
  * LG_PAIRS_REST adds up. Returns LG_CANCELLED if any rank was asked to stop. */
 lg_status lg_fit_run_shards(lg_fit *fit, void (*task)(void *user, size_t shard), lg_error *error);
-/* Called before the exchange: add gradients, or matrices, over the pairs of LG_PAIRS_HERE. */
-void lg_fit_reduce_here(lg_fit *fit);
-void lg_fit_squares_here(lg_fit *fit);
 /* If one rank failed, all ranks return its failure. */
 lg_status lg_fit_agree(const lg_fit *fit, lg_status status, lg_error *error);
 /* *seconds becomes rank 0's value on all ranks. */
@@ -207,7 +206,9 @@ typedef struct lg_fit_batches_row {
 const lg_fit_batches_row *lg_fit_batches_of(lg_fit_method method);
 /* The method of a phase of the plan. */
 lg_fit_method lg_fit_method_of(const lg_fit *fit, uint64_t phase);
-/* Options of the minimiser for a phase without batches. */
+/* Makes the minimiser of the state's phase, which starts from its theta. */
+lg_status lg_fit_create_minimiser(const lg_fit *fit, lg_fit_state *s, lg_error *error);
+/* Options of this minimiser, for a phase without batches. */
 lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase);
 /* Evaluates the loss of all training samples and tells the minimiser. *moved: whether theta has changed. */
 lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error);

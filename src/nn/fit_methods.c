@@ -181,6 +181,12 @@ lg_minimise_options lg_fit_minimise_options(const lg_fit *fit, uint64_t phase) {
     return options;
 }
 
+lg_status lg_fit_create_minimiser(const lg_fit *fit, lg_fit_state *s, lg_error *error) {
+    const lg_minimise_options options = lg_fit_minimise_options(fit, s->phase);
+    return lg_minimiser_create(fit->context, fit->problem.parameters, &options, s->theta, &s->minimiser,
+                               error);
+}
+
 /* How many numbers of theta the prior applies to; they come first. */
 static size_t weights_of(const lg_fit *fit) {
     return fit->problem.weights > 0 ? fit->problem.weights : fit->problem.parameters;
@@ -214,9 +220,9 @@ static lg_status full_loss(lg_fit *fit, const char *what, double *value, lg_erro
     const double decay = fit->options.adam.weight_decay, prior = prior_of(fit);
     const bool first = lg_minimiser_result(fit->state.minimiser).evaluations == 0;
     lg_status status = takes_squares(fit) ? lg_fit_squares(fit, what, value, error)
-                                          : lg_fit_batch_loss(fit, fit->state.order, fit->training, true,
-                                                              what, value, error);
-    if (status == LG_OK && !takes_squares(fit) && !isfinite(lg_fit_reduce(fit)))
+                                          : lg_fit_batch_loss(fit, fit->state.order, fit->training,
+                                                              LG_FIT_GRADIENT, what, value, error);
+    if (status == LG_OK && !takes_squares(fit) && !isfinite(lg_fit_reduce(fit, LG_PAIRS_REST)))
         status = lg_fit_gradient_failure(fit, what, error);
     if (status == LG_NOT_FINITE && !first) {
         (void)lg_fail(error, LG_OK, "%s", "");
@@ -278,9 +284,7 @@ lg_status lg_fit_evaluate(lg_fit *fit, bool *moved, lg_error *error) {
     lg_fit_state *s = &fit->state;
     const size_t n = fit->problem.parameters;
     if (s->minimiser == NULL) {
-        const lg_minimise_options options = lg_fit_minimise_options(fit, s->phase);
-        const lg_status made = lg_minimiser_create(fit->context, n, &options, s->theta, &s->minimiser, error);
-        const lg_status agreed = lg_fit_agree(fit, made, error);
+        const lg_status agreed = lg_fit_agree(fit, lg_fit_create_minimiser(fit, s, error), error);
         if (agreed != LG_OK) { /* all ranks have a minimiser, or none has one */
             drop_minimiser(s);
             return agreed;

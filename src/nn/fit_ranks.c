@@ -89,49 +89,40 @@ void lg_fit_ranks_destroy(lg_fit *fit) {
 
 /* ---- messages ---- */
 
-/* A message is a list of arrays; list_message calls a `take` for each, to count, pack or unpack it. */
+/* A message is a list of arrays, which list_message counts, packs or unpacks one after the other. */
 typedef struct message {
-    char *begin; /* NULL when only the length is counted */
+    enum { COUNT, PACK, UNPACK } what;
+    char *begin; /* not read to COUNT */
     size_t length;
 } message;
-typedef void (*take)(message *m, void *data, size_t bytes);
 
-static void count_bytes(message *m, void *data, size_t bytes) {
+static void each(message *m, void *data, size_t bytes) {
+    if (m->what == PACK) memcpy(m->begin + m->length, data, bytes);
+    if (m->what == UNPACK) memcpy(data, m->begin + m->length, bytes);
     m->length += bytes;
 }
 
-static void pack(message *m, void *data, size_t bytes) {
-    memcpy(m->begin + m->length, data, bytes);
-    m->length += bytes;
-}
-
-static void unpack(message *m, void *data, size_t bytes) {
-    memcpy(data, m->begin + m->length, bytes);
-    m->length += bytes;
-}
-
-static void list_shard(lg_fit *fit, size_t index, take each, message *m) {
+static void list_shard(lg_fit *fit, size_t index, message *m) {
     lg_shard *shard = &fit->shards[index];
     each(m, &shard->loss, sizeof shard->loss);
     each(m, &shard->bound, sizeof shard->bound);
     each(m, &shard->status, sizeof shard->status);
-    if (is_sent(fit, index) && fit->with_gradient)
+    if (is_sent(fit, index) && fit->wanted >= LG_FIT_GRADIENT)
         each(m, shard->gradient, fit->problem.parameters * fit->k->size);
-    if (is_sent(fit, index) && fit->with_squares)
-        each(m, shard->matrix, lg_fit_squares_length(fit) * sizeof(double));
-    for (size_t i = 0; fit->with_squares && fit->problem.own > 0 && i < shard->count; i++) {
+    if (fit->wanted < LG_FIT_SQUARES) return;
+    if (is_sent(fit, index)) each(m, shard->matrix, lg_fit_squares_length(fit) * sizeof(double));
+    for (size_t i = 0; fit->problem.own > 0 && i < shard->count; i++) {
         const lg_fit_own own = lg_fit_own_of(fit, shard->samples[i]);
         each(m, own.rows, own.rows_length * sizeof(double));
         each(m, own.block, own.block_length * sizeof(double));
     }
 }
 
-/* Calls `each` for all arrays of the message of rank `from`, at `begin`. Returns its length in bytes. */
-static size_t list_message(lg_fit *fit, uint32_t from, take each, char *begin) {
-    message m = {begin, 0};
+/* The message of rank `from`. Returns its length in bytes. */
+static size_t list_message(lg_fit *fit, uint32_t from, message m) {
     each(&m, &fit->stops[from], sizeof *fit->stops);
     for (size_t i = 0; i < fit->active; i++)
-        if (fit->shards[i].rank == from) list_shard(fit, i, each, &m);
+        if (fit->shards[i].rank == from) list_shard(fit, i, &m);
     return m.length;
 }
 
@@ -140,7 +131,7 @@ static size_t list_message(lg_fit *fit, uint32_t from, take each, char *begin) {
 static lg_status make_room(lg_fit *fit, lg_error *error) {
     size_t total = 0;
     for (uint32_t r = 0; r < fit->options.ranks->count; r++) {
-        fit->message_bytes[r] = list_message(fit, r, count_bytes, NULL);
+        fit->message_bytes[r] = list_message(fit, r, (message){.what = COUNT});
         total += fit->message_bytes[r];
     }
     if (total <= fit->message_room) return LG_OK;
@@ -157,17 +148,16 @@ static lg_status make_room(lg_fit *fit, lg_error *error) {
 
 static lg_status exchange(lg_fit *fit, lg_error *error) {
     const lg_ranks *ranks = fit->options.ranks;
-    fit->stops[ranks->rank] = fit->with_gradient && lg_cancelled(fit->context);
+    fit->stops[ranks->rank] = fit->wanted >= LG_FIT_GRADIENT && lg_cancelled(fit->context);
     LG_TRY(make_room(fit, error));
     char *at = fit->message;
     for (uint32_t r = 0; r < ranks->rank; r++) at += fit->message_bytes[r];
-    (void)list_message(fit, ranks->rank, pack, at);
-    const lg_status status = ranks->gather(ranks->user, fit->message, fit->message_bytes);
-    LG_TRY(status);
+    (void)list_message(fit, ranks->rank, (message){.what = PACK, .begin = at});
+    LG_TRY(ranks->gather(ranks->user, fit->message, fit->message_bytes));
     at = fit->message;
     uint32_t stopped = 0;
     for (uint32_t r = 0; r < ranks->count; r++) {
-        if (r != ranks->rank) (void)list_message(fit, r, unpack, at);
+        if (r != ranks->rank) (void)list_message(fit, r, (message){.what = UNPACK, .begin = at});
         at += fit->message_bytes[r];
         stopped |= fit->stops[r];
     }
@@ -193,8 +183,7 @@ lg_status lg_fit_run_shards(lg_fit *fit, void (*task)(void *user, size_t shard),
     if (end > fit->first) lg_thread_pool_run(fit->pool, end - fit->first, own_task, &w);
     fit->cost.shard_seconds += lg_seconds() - begin;
     if (lg_fit_alone(fit)) return LG_OK;
-    if (fit->with_gradient) lg_fit_reduce_here(fit);
-    if (fit->with_squares) lg_fit_squares_here(fit);
+    if (fit->wanted >= LG_FIT_GRADIENT) (void)lg_fit_reduce(fit, LG_PAIRS_HERE);
     return exchange(fit, error);
 }
 

@@ -41,21 +41,21 @@ size_t lg_fit_recordings_size(const lg_shard *shard, size_t *plans) {
     return bytes;
 }
 
-lg_status lg_fit_record_loss(const lg_fit_problem *problem, lg_tape *tape, lg_var theta,
-                             const uint32_t *samples, size_t count, size_t batch, lg_var *loss) {
-    if (problem->loss != NULL) return problem->loss(problem->user, tape, theta, samples, count, batch, loss);
-    LG_TRY(problem->residuals(problem->user, tape, theta, samples, count, batch, loss));
-    *loss = lg_sum(tape, lg_square(tape, *loss));
-    return lg_tape_status(tape);
+lg_status lg_fit_record(const lg_fit_problem *problem, lg_tape *tape, const void *point, bool residuals,
+                        const uint32_t *samples, size_t count, size_t batch, lg_var *theta, lg_var *out) {
+    const bool loss = problem->loss != NULL && !residuals;
+    *theta = lg_parameter(tape, lg_shape1((uint32_t)problem->parameters), point);
+    const lg_status status =
+        (loss ? problem->loss : problem->residuals)(problem->user, tape, *theta, samples, count, batch, out);
+    if (status == LG_OK && !loss && !residuals) *out = lg_sum(tape, lg_square(tape, *out));
+    LG_TRY(lg_tape_status(tape));
+    return status;
 }
 
 static lg_status record(const lg_fit *fit, lg_tape *tape, const uint32_t *samples, size_t count,
                         lg_var *theta, lg_var *loss) {
-    *theta = lg_parameter(tape, lg_shape1((uint32_t)fit->problem.parameters), fit->point);
-    const lg_status status =
-        lg_fit_record_loss(&fit->problem, tape, *theta, samples, count, fit->batch_samples, loss);
-    LG_TRY(lg_tape_status(tape));
-    return status;
+    return lg_fit_record(&fit->problem, tape, fit->point, false, samples, count, fit->batch_samples, theta,
+                         loss);
 }
 
 static lg_status make(const lg_fit *fit, lg_fit_recording *r, const uint32_t *samples, size_t count) {
@@ -123,12 +123,4 @@ lg_status lg_fit_run_recording(const lg_fit *fit, lg_shard *shard, const uint32_
     fit->k->convert_out(1, &loss, &value);
     shard->loss += value;
     return LG_OK;
-}
-
-lg_status lg_fit_can_record(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
-                            bool *can) {
-    lg_fit_recording *r = NULL;
-    const lg_status status = bring(fit, shard, samples, count, &r);
-    *can = r != NULL;
-    return status;
 }

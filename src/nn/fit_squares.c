@@ -53,15 +53,11 @@ static lg_status fill_columns(const lg_fit *fit, lg_tape *tape, lg_var theta, lg
 /* Computes r and J (rows, columns) by forward sweeps. */
 static lg_status sweep_forward(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count,
                                size_t *rows) {
-    const size_t n = fit->problem.parameters, columns = columns_of(fit);
+    const size_t columns = columns_of(fit);
     lg_tape *tape = shard->tape;
-    lg_var r = LG_NONE;
+    lg_var theta, r = LG_NONE;
     lg_tape_reset(tape);
-    const lg_var theta = lg_parameter(tape, lg_shape1((uint32_t)n), fit->point);
-    const lg_status given =
-        fit->problem.residuals(fit->problem.user, tape, theta, samples, count, fit->training, &r);
-    LG_TRY(lg_tape_status(tape));
-    LG_TRY(given);
+    LG_TRY(lg_fit_record(&fit->problem, tape, fit->point, true, samples, count, fit->training, &theta, &r));
     *rows = (size_t)lg_shape_count(lg_var_shape(tape, r));
     LG_TRY(room_for(fit, shard, *rows));
     double *residuals = shard->jacobian + columns * *rows, *transposed = residuals + *rows;
@@ -124,10 +120,13 @@ static void put_own(const lg_fit *fit, lg_shard *shard, uint32_t sample, size_t 
         fit->k->axpy(own, residuals[row], jacobian + row * columns + n, gradient);
 }
 
-/* Adds |r|^2, J^T r and J^T J of `count` samples to the shard's loss, gradient and matrix. */
-static lg_status add_chunk(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
+lg_status lg_fit_add_squares(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
     const size_t columns = columns_of(fit);
     size_t rows = 0;
+    if (samples == shard->samples) {
+        memset(shard->matrix, 0, lg_fit_squares_length(fit) * sizeof(double));
+        memset(shard->gradient, 0, fit->problem.parameters * sizeof(double));
+    }
     LG_TRY((fit->problem.linearise != NULL ? linearise : sweep_forward)(fit, shard, samples, count, &rows));
     const double *jacobian = shard->jacobian, *residuals = jacobian + columns * rows;
     const size_t each = rows / count;
@@ -135,13 +134,6 @@ static lg_status add_chunk(const lg_fit *fit, lg_shard *shard, const uint32_t *s
     for (size_t i = 0; i < count && fit->problem.own > 0; i++)
         put_own(fit, shard, samples[i], each, jacobian + i * each * columns, residuals + i * each);
     return LG_OK;
-}
-
-static lg_status add_shard(const lg_fit *fit, lg_shard *shard) {
-    const size_t n = shared_by_all(fit);
-    memset(shard->matrix, 0, n * n * sizeof(double));
-    memset(shard->gradient, 0, fit->problem.parameters * sizeof(double));
-    return lg_fit_chunks(fit, shard, add_chunk);
 }
 
 /* The first shard holds the whole matrix, the others only P. The first shard is allocated last. */
@@ -158,25 +150,11 @@ static lg_status make_matrices(lg_fit *fit) {
     return LG_OK;
 }
 
-static void shard_task(void *user, size_t index) {
-    lg_fit *fit = user;
-    fit->shards[index].status = add_shard(fit, &fit->shards[index]);
-}
-
-static void add_matrices(const lg_fit *fit, void *user, size_t to, size_t from) {
-    fit->k->axpy(lg_fit_squares_length(fit), 1.0, fit->shards[from].matrix, fit->shards[to].matrix);
-}
-
-void lg_fit_squares_here(lg_fit *fit) {
-    lg_fit_for_pairs(fit, LG_PAIRS_HERE, add_matrices, NULL);
-}
-
 /* Adds up gradients and matrices of all shards, mirrors P's upper triangle to the lower one, doubles all. */
 static void add_up(lg_fit *fit) {
     const size_t n = shared_by_all(fit), all = fit->problem.parameters;
     double *matrix = fit->shards[0].matrix;
-    (void)lg_fit_reduce(fit);
-    lg_fit_for_pairs(fit, LG_PAIRS_REST, add_matrices, NULL);
+    (void)lg_fit_reduce(fit, LG_PAIRS_REST);
     fit->k->unary[LG_K_SCALE](all, 2.0, fit->shards[0].gradient, fit->shards[0].gradient);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < i; j++) matrix[i * n + j] = matrix[j * n + i];
@@ -192,10 +170,7 @@ lg_status lg_fit_squares(lg_fit *fit, const char *what, double *value, lg_error 
                           fit->problem.parameters);
         LG_TRY(lg_fit_agree(fit, made, error));
     }
-    lg_fit_cut(fit, fit->state.order, fit->training);
-    fit->with_gradient = fit->with_squares = true;
-    LG_TRY(lg_fit_run_shards(fit, shard_task, error));
-    LG_TRY(lg_fit_sum_losses(fit, what, value, error));
+    LG_TRY(lg_fit_batch_loss(fit, fit->state.order, fit->training, LG_FIT_SQUARES, what, value, error));
     add_up(fit);
     return LG_OK;
 }

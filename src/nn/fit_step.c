@@ -23,29 +23,25 @@ static size_t chunk_of(const lg_fit *fit) {
 static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count) {
     lg_tape *tape = shard->tape;
     if (fit->problem.gradient != NULL) {
-        const bool wanted = fit->with_gradient;
+        const bool wanted = fit->wanted == LG_FIT_GRADIENT;
         if (wanted && samples == shard->samples)
             memset(shard->gradient, 0, fit->problem.parameters * fit->k->size);
         return fit->problem.gradient(fit->problem.user, fit->point, samples, count, fit->batch_samples,
                                      &shard->loss, wanted ? shard->gradient : NULL);
     }
-    if (fit->plans && fit->with_gradient) {
+    if (fit->plans && fit->wanted == LG_FIT_GRADIENT) {
         bool done;
         LG_TRY(lg_fit_run_recording(fit, shard, samples, count, &done));
         if (done) return LG_OK;
     }
     lg_tape_reset(tape);
-    const lg_shape flat = lg_shape1((uint32_t)fit->problem.parameters);
-    const lg_var theta = lg_parameter(tape, flat, fit->point);
-    lg_var loss = LG_NONE;
-    const lg_status given =
-        lg_fit_record_loss(&fit->problem, tape, theta, samples, count, fit->batch_samples, &loss);
+    lg_var theta, loss = LG_NONE;
     double value = 0.0;
-    LG_TRY(lg_tape_status(tape));
-    LG_TRY(given);
+    LG_TRY(lg_fit_record(&fit->problem, tape, fit->point, false, samples, count, fit->batch_samples, &theta,
+                         &loss));
     LG_TRY(lg_read(tape, loss, 1, &value));
     shard->loss += value;
-    if (!fit->with_gradient || !isfinite(shard->loss)) return LG_OK;
+    if (fit->wanted < LG_FIT_GRADIENT || !isfinite(shard->loss)) return LG_OK;
     void *gradient = shard->gradient;
     /* one sweep computes the whole gradient, whose norm is not needed for clipping: its bound suffices */
     if (fit->active == 1 && count == shard->count && fit->options.clip_norm == 0.0)
@@ -54,24 +50,22 @@ static lg_status chunk_loss(const lg_fit *fit, lg_shard *shard, const uint32_t *
     return lg_backward(tape, loss, &theta, 1, &gradient);
 }
 
-lg_status lg_fit_chunks(const lg_fit *fit, lg_shard *shard, lg_fit_chunk add) {
-    const size_t chunk = chunk_of(fit);
-    shard->loss = 0.0;
-    lg_tape_constant(shard->tape, fit->point, fit->problem.parameters * fit->k->size);
-    /* A rank that is asked to stop says so in the next exchange, and then no rank uses the shards. */
-    for (size_t at = 0; at < shard->count; at += chunk) {
-        if (!lg_fit_alone(fit) && fit->with_gradient && lg_cancelled(fit->context)) break;
-        const size_t rest = shard->count - at;
-        LG_TRY(add(fit, shard, shard->samples + at, rest < chunk ? rest : chunk));
-    }
-    return LG_OK;
-}
-
+/* Chunks of samples bound the memory of a tape and keep its values in the cache. */
 static void shard_task(void *user, size_t index) {
     lg_fit *fit = user;
     lg_shard *shard = &fit->shards[index];
+    const size_t chunk = chunk_of(fit);
+    shard->loss = 0.0;
     shard->bound = INFINITY;
-    shard->status = lg_fit_chunks(fit, shard, chunk_loss);
+    shard->status = LG_OK;
+    lg_tape_constant(shard->tape, fit->point, fit->problem.parameters * fit->k->size);
+    /* A rank that is asked to stop says so in the next exchange, and then no rank uses the shards. */
+    for (size_t at = 0; at < shard->count && shard->status == LG_OK; at += chunk) {
+        if (!lg_fit_alone(fit) && fit->wanted >= LG_FIT_GRADIENT && lg_cancelled(fit->context)) break;
+        const size_t rest = shard->count - at, count = rest < chunk ? rest : chunk;
+        shard->status = (fit->wanted == LG_FIT_SQUARES ? lg_fit_add_squares
+                                                       : chunk_loss)(fit, shard, shard->samples + at, count);
+    }
 }
 
 /* The result is a power of 2, because 3 shards would leave one of two threads idle. Small shards do not pay:
@@ -89,7 +83,7 @@ size_t lg_fit_pieces(size_t samples, size_t parameters, size_t chunk) {
 }
 
 /* Shard i of n gets the samples [i count/n, (i + 1) count/n), at least one since n <= count. */
-void lg_fit_cut(lg_fit *fit, const uint32_t *samples, size_t count) {
+static void cut(lg_fit *fit, const uint32_t *samples, size_t count) {
     const size_t most = fit->by_work ? lg_fit_pieces(count, fit->problem.parameters, chunk_of(fit)) : count;
     size_t n = count < fit->options.shards ? count : fit->options.shards;
     if (n > most) n = most;
@@ -106,9 +100,9 @@ lg_status lg_fit_try_recording(lg_fit *fit) {
     lg_shard *shard = &fit->shards[fit->first];
     if (!fit->plans || fit->first == fit->end) return LG_OK;
     fit->point = fit->state.theta;
-    lg_fit_cut(fit, fit->state.order, fit->batch);
+    cut(fit, fit->state.order, fit->batch);
     const size_t chunk = chunk_of(fit), count = shard->count < chunk ? shard->count : chunk;
-    return lg_fit_can_record(fit, shard, fit->state.order, count, &fit->plans);
+    return lg_fit_run_recording(fit, shard, fit->state.order, count, &fit->plans);
 }
 
 /* Text of a number that is not finite; NaN is written without a sign. */
@@ -127,8 +121,12 @@ static lg_status shard_failure(const lg_fit *fit, const char *what, size_t index
                    message[0] != '\0' ? message : lg_status_sentence(shard->status));
 }
 
-lg_status lg_fit_sum_losses(const lg_fit *fit, const char *what, double *loss, lg_error *error) {
+lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, lg_fit_wanted wanted,
+                            const char *what, double *loss, lg_error *error) {
     double sum = 0.0;
+    cut(fit, samples, count);
+    fit->wanted = wanted;
+    LG_TRY(lg_fit_run_shards(fit, shard_task, error));
     for (size_t i = 0; i < fit->active; i++) {
         if (fit->shards[i].status != LG_OK) return shard_failure(fit, what, i, error);
         sum += fit->shards[i].loss;
@@ -136,15 +134,6 @@ lg_status lg_fit_sum_losses(const lg_fit *fit, const char *what, double *loss, l
     if (!isfinite(sum)) return lg_fail(error, LG_NOT_FINITE, "%s: the loss is %s", what, shown(sum));
     *loss = sum;
     return LG_OK;
-}
-
-lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, bool with_gradient,
-                            const char *what, double *loss, lg_error *error) {
-    lg_fit_cut(fit, samples, count);
-    fit->with_gradient = with_gradient;
-    fit->with_squares = false;
-    LG_TRY(lg_fit_run_shards(fit, shard_task, error));
-    return lg_fit_sum_losses(fit, what, loss, error);
 }
 
 static size_t block_length(const lg_fit *fit, size_t block) {
@@ -166,25 +155,23 @@ static void add_gradients(const lg_fit *fit, void *user, size_t to, size_t from)
                  fit->shards[to].gradient + at);
 }
 
-static void reduce_block_here(void *user, size_t block) {
-    lg_fit_for_pairs(user, LG_PAIRS_HERE, add_gradients, &block);
+static void add_matrices(const lg_fit *fit, void *user, size_t to, size_t from) {
+    fit->k->axpy(lg_fit_squares_length(fit), 1.0, fit->shards[from].matrix, fit->shards[to].matrix);
 }
 
-void lg_fit_reduce_here(lg_fit *fit) {
-    for_blocks(fit, reduce_block_here);
-}
-
-/* Adds a block of all shards' gradients into the first shard's, and takes its squared norm. */
+/* Adds a block of the shards' gradients, and takes the squared norm of the first shard's. */
 static void reduce_block(void *user, size_t block) {
     lg_fit *fit = user;
-    lg_fit_for_pairs(fit, LG_PAIRS_REST, add_gradients, &block);
+    lg_fit_for_pairs(fit, fit->pairs, add_gradients, &block);
     const char *gradient = fit->shards[0].gradient + block * LG_FIT_BLOCK * fit->k->size;
     fit->partial[block] = fit->k->dot(block_length(fit, block), gradient, gradient);
 }
 
-double lg_fit_reduce(lg_fit *fit) {
+double lg_fit_reduce(lg_fit *fit, lg_pairs pairs) {
     double squared = 0.0;
+    fit->pairs = pairs;
     for_blocks(fit, reduce_block);
+    if (fit->wanted == LG_FIT_SQUARES) lg_fit_for_pairs(fit, pairs, add_matrices, NULL);
     for (size_t i = 0; i < fit->blocks; i++) squared += fit->partial[i];
     return sqrt(squared);
 }
@@ -206,9 +193,9 @@ static void step_block(void *user, size_t block) {
     for (size_t i = 0; fit->careful && i < 3; i++) memcpy(fit->backup + i * stride + at, arrays[i], n * size);
     fit->row->step(&fit->options, s->step + 1, fit->rate, fit->clip, fit->shards[0].gradient + at, n,
                    arrays[1], arrays[2], arrays[0]);
-    fit->overflowed[block] = false;
+    fit->partial[block] = 0.0;
     for (size_t i = 0; fit->careful && i < 3; i++)
-        if (!fit->k->all_finite(n, arrays[i])) fit->overflowed[block] = true;
+        if (!fit->k->all_finite(n, arrays[i])) fit->partial[block] = NAN;
 }
 
 /* Index of the first element that is not finite, and its value; n if all are finite. */
@@ -228,7 +215,7 @@ lg_status lg_fit_gradient_failure(const lg_fit *fit, const char *what, lg_error 
         return lg_fail(error, LG_NOT_FINITE, "%s: the gradient of parameter %zu is %s", what, index,
                        shown(value));
     return lg_fail(error, LG_NOT_FINITE, "%s: the norm of the gradient%s overflows", what,
-                   fit->with_squares ? " or the Gauss-Newton matrix" : "");
+                   fit->wanted == LG_FIT_SQUARES ? " or the Gauss-Newton matrix" : "");
 }
 
 /* Reports the first value that overflowed, and restores the state before the step. */
@@ -258,11 +245,11 @@ lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double
     double value = 0.0;
     fit->row = lg_fit_batches_of(lg_fit_method_now(fit));
     fit->point = fit->state.theta;
-    LG_TRY(lg_fit_batch_loss(fit, samples, count, true, what, &value, error));
+    LG_TRY(lg_fit_batch_loss(fit, samples, count, LG_FIT_GRADIENT, what, &value, error));
 
     double norm = fit->shards[0].bound;
     if (may_overflow(fit, norm, rate)) {
-        norm = lg_fit_reduce(fit);
+        norm = lg_fit_reduce(fit, LG_PAIRS_REST);
         if (!isfinite(norm)) return lg_fit_gradient_failure(fit, what, error);
     }
     fit->clip = lg_clip_factor(norm, fit->options.clip_norm);
@@ -270,7 +257,7 @@ lg_status lg_fit_step(lg_fit *fit, const uint32_t *samples, size_t count, double
     fit->careful = may_overflow(fit, norm * fit->clip, rate);
     for_blocks(fit, step_block);
     for (size_t i = 0; i < fit->blocks; i++)
-        if (fit->overflowed[i]) return step_failure(fit, what, error);
+        if (isnan(fit->partial[i])) return step_failure(fit, what, error);
     *loss = value;
     return LG_OK;
 }
@@ -285,8 +272,8 @@ static lg_status add_chunks(lg_tape *tape, const lg_fit_problem *problem, const 
         const size_t left = all - first, count = left < chunk ? left : chunk;
         for (size_t i = 0; i < count; i++) samples[i] = (uint32_t)(first + i);
         lg_tape_reset(tape);
-        lg_var part, weights = lg_parameter(tape, lg_shape1((uint32_t)problem->parameters), theta);
-        LG_TRY(lg_fit_record_loss(problem, tape, weights, samples, count, all, &part));
+        lg_var weights, part;
+        LG_TRY(lg_fit_record(problem, tape, theta, false, samples, count, all, &weights, &part));
         LG_TRY(lg_read(tape, part, 1, &value));
         sum += value;
     }

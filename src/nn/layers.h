@@ -6,6 +6,10 @@
 #include "liegrad/networks.h"
 
 #define LG_MOST_LAYERS 33 /* of all kinds of networks */
+/* Whether a number of units, channels or samples is possible. */
+static inline bool lg_layers_size_fits(uint32_t size) {
+    return size >= 1 && size <= (uint32_t)1 << 20;
+}
 
 /* One layer y = x W + b with W (in, out). For a convolution x is the part of the input below the kernel. */
 typedef struct lg_layer {

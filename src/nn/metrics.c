@@ -26,46 +26,28 @@ static double ratio(double a, double b) {
     return b > 0.0 ? a / b : 0.0;
 }
 
-typedef struct class_metrics {
-    double windows, precision, recall, f1; /* windows that have the class or were given it */
-} class_metrics;
-
-static class_metrics metrics_of_class(const uint64_t *confusion, uint32_t classes, uint32_t k) {
-    double occurs = 0.0, given = 0.0;
-    for (uint32_t j = 0; j < classes; j++) {
-        occurs += (double)confusion[(size_t)k * classes + j];
-        given += (double)confusion[(size_t)j * classes + k];
-    }
-    const double right = (double)confusion[(size_t)k * classes + k];
-    /* With precision p and recall r: f1 = 2 p r/(p + r) = 2 right/(occurs + given). */
-    return (class_metrics){occurs + given, ratio(right, given), ratio(right, occurs),
-                           ratio(2.0 * right, occurs + given)};
-}
-
 lg_metrics lg_metrics_of(const uint64_t *confusion, uint32_t classes, uint32_t healthy) {
-    lg_metrics m = {.accuracy = 0.0};
-    double all = 0.0, right = 0.0, normal = 0.0;
-    for (uint32_t i = 0; i < classes; i++) {
-        right += (double)confusion[(size_t)i * classes + i];
-        for (uint32_t j = 0; j < classes; j++) all += (double)confusion[(size_t)i * classes + j];
-    }
-    m.accuracy = ratio(right, all);
-    m.false_positive_rate = NAN;
-    if (healthy < classes) {
-        const uint64_t *row = confusion + (size_t)healthy * classes;
-        for (uint32_t j = 0; j < classes; j++) normal += (double)row[j];
-        if (normal > 0.0) m.false_positive_rate = (normal - (double)row[healthy]) / normal;
-    }
+    lg_metrics m = {.false_positive_rate = NAN};
     const uint32_t left_out = classes != 2 ? LG_NO_CLASS : healthy == 1 ? 1 : 0;
-    double count = 0.0;
+    double all = 0.0, sum = 0.0, count = 0.0;
     for (uint32_t k = 0; k < classes; k++) {
-        const class_metrics one = metrics_of_class(confusion, classes, k);
-        if (k == left_out || one.windows == 0.0) continue;
-        m.precision += one.precision;
-        m.recall += one.recall;
-        m.f1 += one.f1;
+        const double right = (double)confusion[(size_t)k * classes + k];
+        double occurs = 0.0, given = 0.0; /* windows that have the class, or were given it */
+        for (uint32_t j = 0; j < classes; j++) {
+            occurs += (double)confusion[(size_t)k * classes + j];
+            given += (double)confusion[(size_t)j * classes + k];
+        }
+        all += occurs;
+        sum += right;
+        if (k == healthy && occurs > 0.0) m.false_positive_rate = (occurs - right) / occurs;
+        if (k == left_out || occurs + given == 0.0) continue;
+        /* With precision p and recall r: f1 = 2 p r/(p + r) = 2 right/(occurs + given). */
+        m.precision += ratio(right, given);
+        m.recall += ratio(right, occurs);
+        m.f1 += ratio(2.0 * right, occurs + given);
         count++;
     }
+    m.accuracy = ratio(sum, all);
     m.precision /= count;
     m.recall /= count;
     m.f1 /= count;

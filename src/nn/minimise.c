@@ -142,14 +142,18 @@ lg_status lg_minimiser_status(const lg_minimiser *m) {
     return m != NULL ? m->status : LG_INVALID_ARGUMENT;
 }
 
+void lg_minimise_count_bytes(lg_minimiser *m, size_t numbers) {
+    for (uint32_t r = 0; r < m->options.ranks->count; r++) {
+        size_t first, end;
+        lg_minimise_rows(r, m->options.ranks->count, m->n, &first, &end);
+        m->bytes[r] = (end - first) * numbers * sizeof(double);
+    }
+}
+
 void lg_minimise_gather(lg_minimiser *m, double *x) {
     const lg_ranks *ranks = m->options.ranks;
     if (ranks == NULL || m->status != LG_OK) return;
-    for (uint32_t r = 0; r < ranks->count; r++) {
-        size_t first, end;
-        lg_minimise_rows(r, ranks->count, m->n, &first, &end);
-        m->bytes[r] = (end - first) * sizeof *x;
-    }
+    lg_minimise_count_bytes(m, 1);
     m->status = ranks->gather(ranks->user, x, m->bytes);
 }
 
@@ -437,9 +441,7 @@ static bool tell_search(lg_minimiser *m, double value, const double *gradient) {
         lg_minimise_finish(m, LG_MINIMISE_UNBOUNDED);
         return false;
     }
-    const double slope = finite ? m->k->dot(m->n, gradient, m->d) : NAN;
-    const lg_search_verdict verdict = lg_minimise_search_tell(m, finite ? value : INFINITY, slope);
-    if (verdict == LG_SEARCH_ON) lg_minimise_set_point(m, m->numbers.alpha, m->d);
+    const lg_search_verdict verdict = lg_minimise_search_tell(m, value, gradient, finite);
     if (verdict == LG_SEARCH_FAIL) fail_search(m);
     if (verdict == LG_SEARCH_ACCEPT) accept(m, value, gradient);
     return verdict == LG_SEARCH_ACCEPT;

@@ -14,11 +14,13 @@ static void list(const lg_minimiser *m, double *memory, double *curvature, lg_mi
     const lg_stored all[ITEMS] = {
         {"minimise/counts", LG_ELEMENT_U64, 1, {sizeof *counts / sizeof(uint64_t)}, .data = counts},
         {"minimise/numbers", LG_ELEMENT_F64, 1, {sizeof *numbers / sizeof(double)}, .data = numbers},
-        {"minimise/x", LG_ELEMENT_F64, 1, {m->n}, .data = memory + (m->x - m->memory)},
-        {"minimise/gradient", LG_ELEMENT_F64, 1, {m->n}, .data = memory + (m->g - m->memory)},
-        {"minimise/direction", LG_ELEMENT_F64, 1, {m->n}, .data = memory + (m->d - m->memory)},
-        {"minimise/point", LG_ELEMENT_F64, 1, {m->n}, .data = memory + (m->point - m->memory)},
-        {"minimise/curvature", LG_ELEMENT_F64, 1, {m->length}, .data = curvature},
+#define ARRAY(name, length, where) {"minimise/" name, LG_ELEMENT_F64, 1, {length}, where, .finite = true}
+        ARRAY("x", m->n, memory + (m->x - m->memory)),
+        ARRAY("gradient", m->n, memory + (m->g - m->memory)),
+        ARRAY("direction", m->n, memory + (m->d - m->memory)),
+        ARRAY("point", m->n, memory + (m->point - m->memory)),
+        ARRAY("curvature", m->length, curvature),
+#undef ARRAY
     };
     memcpy(out, all, sizeof all);
 }
@@ -38,17 +40,13 @@ lg_status lg_minimiser_collect(lg_minimiser *m, lg_error *error) {
     LG_NEEDS(error, m);
     const lg_ranks *ranks = m->options.ranks;
     if (!divided(m)) return LG_OK;
-    const size_t stride = lg_minimise_stride(m->n), behind = m->held - rows_length(m);
+    const size_t behind = m->held - rows_length(m);
     if (ranks->rank == 0 && m->whole == NULL) m->whole = lg_alloc(m->context, m->length, sizeof *m->whole);
     const lg_status room = ranks->rank > 0 || m->whole != NULL
                                ? LG_OK
                                : lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the rows of all ranks");
     lg_status status = lg_ranks_agree(ranks, room, error);
-    for (uint32_t r = 0; r < ranks->count; r++) {
-        size_t first, end;
-        lg_minimise_rows(r, ranks->count, m->n, &first, &end);
-        m->bytes[r] = (end - first) * stride * sizeof *m->whole;
-    }
+    lg_minimise_count_bytes(m, lg_minimise_stride(m->n));
     if (status == LG_OK) status = ranks->collect(ranks->user, m->curvature, m->whole, m->bytes);
     if (status != LG_OK)
         lg_minimiser_scatter(m); /* otherwise zeros would be saved in place of the missing rows */
@@ -72,8 +70,12 @@ static void take_rows(const lg_minimiser *m, const double *all, double *curvatur
 
 /* ---- saving ---- */
 
-static lg_status save_all(const lg_minimiser *m, double *curvature, const lg_archive_writer *writer,
-                          lg_error *error) {
+lg_status lg_minimiser_save(const lg_minimiser *m, const lg_archive_writer *writer, lg_error *error) {
+    LG_NEEDS(error, m, writer);
+    double *curvature = divided(m) ? m->whole : m->curvature;
+    if (curvature == NULL)
+        return lg_fail(error, LG_UNSUPPORTED,
+                       "only rank 0 can save, and only after it has collected the rows of all ranks");
     lg_minimise_counts counts = m->counts;
     lg_minimise_numbers numbers = m->numbers;
     lg_stored items[ITEMS];
@@ -81,19 +83,10 @@ static lg_status save_all(const lg_minimiser *m, double *curvature, const lg_arc
     return lg_stored_save(writer, items, ITEMS, error);
 }
 
-lg_status lg_minimiser_save(const lg_minimiser *m, const lg_archive_writer *writer, lg_error *error) {
-    LG_NEEDS(error, m, writer);
-    double *curvature = divided(m) ? m->whole : m->curvature;
-    if (curvature == NULL)
-        return lg_fail(error, LG_UNSUPPORTED,
-                       "only rank 0 can save, and only after it has collected the rows of all ranks");
-    return save_all(m, curvature, writer, error);
-}
-
 /* ---- loading ---- */
 
-static lg_status check(const lg_minimiser *m, const double *memory, const double *curvature,
-                       const lg_minimise_counts *c, const lg_minimise_numbers *numbers, lg_error *error) {
+static lg_status check(const lg_minimiser *m, const lg_minimise_counts *c, const lg_minimise_numbers *numbers,
+                       lg_error *error) {
     const bool searching = c->stage == LG_STAGE_SEARCH;
     const lg_rule rules[] = {
         {c->stage < LG_MINIMISE_STAGE_COUNT && c->end < LG_MINIMISE_END_COUNT &&
@@ -108,8 +101,6 @@ static lg_status check(const lg_minimiser *m, const double *memory, const double
          "minimise/counts has more Lanczos vectors than the method uses"},
         {!searching || (isfinite(numbers->alpha) && isfinite(numbers->value) && numbers->slope < 0.0),
          "minimise/numbers is not a valid state of a line search"},
-        {m->k->all_finite((size_t)(m->s - m->memory), memory) && m->k->all_finite(m->length, curvature),
-         "an array of minimise/ has values that are not finite"},
     };
     return lg_check_rules(rules, LG_COUNT(rules), LG_FORMAT, error);
 }
@@ -125,7 +116,7 @@ lg_status lg_minimiser_load(lg_minimiser *m, const lg_archive_reader *reader, lg
     double *curvature = memory + vectors;
     list(m, memory, curvature, &counts, &numbers, items);
     LG_TRY(lg_stored_load(reader, items, ITEMS, error));
-    LG_TRY(check(m, memory, curvature, &counts, &numbers, error));
+    LG_TRY(check(m, &counts, &numbers, error));
     memcpy(m->memory, memory, vectors * sizeof *memory);
     take_rows(m, curvature, m->curvature);
     m->counts = counts;

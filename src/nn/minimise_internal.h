@@ -165,9 +165,8 @@ bool lg_minimise_newton_shows(const lg_minimiser *m);
 /* Resets the line search along d from x; the first step is alpha. */
 void lg_minimise_search_begin(lg_minimiser *m, double alpha);
 typedef enum lg_search_verdict { LG_SEARCH_ON, LG_SEARCH_ACCEPT, LG_SEARCH_FAIL } lg_search_verdict;
-/* Takes f and g.d of the trial; value is INFINITY if f or g is not finite. LG_SEARCH_ON: numbers.alpha is the
- * next trial. */
-lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double slope);
+/* Takes f and g of the trial. finite: whether both are. LG_SEARCH_ON: m->point is the next trial. */
+lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, const double *gradient, bool finite);
 
 /* Pairs (s, y) in memory of lg_minimise_pairs_length doubles, at most `most` of them (minimise_lbfgs.c).
  * lg_minimise_pairs_add stores pair number counts.pairs, and sets m->d = -H g with all pairs up to it;
@@ -181,6 +180,8 @@ const double *lg_minimise_pairs_diagonal(const lg_minimiser *m, const double *pa
  * on the number of ranks, and a rank gets whole blocks. A block has as many rows as a kernel takes at once,
  * or all rows if n is smaller. */
 void lg_minimise_rows(uint32_t rank, uint32_t ranks, size_t n, size_t *first, size_t *end);
+/* Sets m->bytes to what the ranks send if each sends `numbers` doubles per row of its own. */
+void lg_minimise_count_bytes(lg_minimiser *m, size_t numbers);
 /* Fills x (n) with the elements that the other ranks have computed: each rank has the elements of its rows.
  * Collective. */
 void lg_minimise_gather(lg_minimiser *m, double *x);

@@ -288,38 +288,20 @@ static void begin_damped(lg_minimiser *m) {
     propose(m);
 }
 
-static bool tell_last(lg_minimiser *m, double value, const double *gradient, const double *matrix,
-                      bool finite) {
-    const bool good = finite && value <= m->numbers.value * (1.0 + LAST_RISE);
-    if (good) take(m, value, gradient, matrix);
-    m->counts.iterations += good;
-    lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
-    return good;
-}
-
-static bool tell_newton(lg_minimiser *m, double value, const double *gradient, const double *matrix,
-                        bool finite) {
-    const double slope = finite ? m->k->dot(m->n, gradient, m->d) : NAN, before = m->numbers.value;
-    const lg_search_verdict verdict = lg_minimise_search_tell(m, finite ? value : INFINITY, slope);
-    const bool shown = lg_minimise_newton_shows(m);
-    if (verdict == LG_SEARCH_ON) lg_minimise_set_point(m, m->numbers.alpha, m->d);
-    if (verdict == LG_SEARCH_FAIL) lg_minimise_finish(m, shown ? LG_MINIMISE_ROUNDING : LG_MINIMISE_STUCK);
-    if (verdict != LG_SEARCH_ACCEPT) return false;
-    take(m, value, gradient, matrix);
-    m->counts.iterations++;
-    if (lg_minimise_flat(m))
-        lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
-    else if (shown)
-        lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
-    else if (lg_minimise_newton_pays(m, before - value))
-        (void)lg_minimise_verify(m, LG_MINIMISE_STUCK);
-    else
-        begin_damped(m);
-    return true;
-}
-
-static bool tell_step(lg_minimiser *m, double value, const double *gradient, const double *matrix,
-                      bool finite) {
+/* Whether the trial becomes the new point. If not, the next trial is chosen, or the run ends. newton_shows:
+ * lg_minimise_newton_shows, along a Newton step. */
+static bool accepts(lg_minimiser *m, double value, const double *gradient, bool finite, bool newton_shows) {
+    if (m->last) {
+        const bool good = finite && value <= m->numbers.value * (1.0 + LAST_RISE);
+        if (!good) lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
+        return good;
+    }
+    if (m->newton) {
+        const lg_search_verdict verdict = lg_minimise_search_tell(m, value, gradient, finite);
+        if (verdict == LG_SEARCH_FAIL)
+            lg_minimise_finish(m, newton_shows ? LG_MINIMISE_ROUNDING : LG_MINIMISE_STUCK);
+        return verdict == LG_SEARCH_ACCEPT;
+    }
     const double gain = finite ? (m->numbers.value - value) / foretold(m) : NAN;
     if (m->squares != NULL) set_radius(m, value, gain);
     if (!(gain > LEAST_GAIN)) {
@@ -328,14 +310,38 @@ static bool tell_step(lg_minimiser *m, double value, const double *gradient, con
         propose(m);
         return false;
     }
-    take(m, value, gradient, matrix);
-    m->counts.iterations++;
     m->counts.failures = 0;
     m->numbers.damping *= fmax(FASTEST_FALL, 1.0 - pow(2.0 * gain - 1.0, 3.0));
     m->numbers.growth = 2.0;
     m->numbers.high_value = 0.0;
-    if (lg_minimise_flat(m))
+    return true;
+}
+
+bool lg_minimiser_tell_squares(lg_minimiser *m, double value, const double *gradient, const double *matrix) {
+    if (m->counts.stage == LG_STAGE_DONE || !m->row->squares) return false;
+    const bool finite = isfinite(value) && m->k->all_finite(m->n, gradient) &&
+                        m->k->all_finite(lg_minimise_matrix_length(m->n, &m->options), matrix);
+    const bool start = m->counts.stage == LG_STAGE_START, shown = m->newton && lg_minimise_newton_shows(m);
+    const double before = m->numbers.value;
+    m->counts.evaluations++;
+    if (m->counts.stage == LG_STAGE_HESSIAN) {
+        lg_minimise_newton_tell(m, gradient);
+        return false;
+    }
+    if (!start && !accepts(m, value, gradient, finite, shown)) return false;
+    take(m, value, gradient, matrix);
+    m->counts.iterations += !start;
+    if (start) m->numbers.reference_value = m->numbers.start_value = value;
+    if (start && !finite)
+        lg_minimise_finish(m, LG_MINIMISE_NOT_FINITE);
+    else if (!m->last && lg_minimise_flat(m))
         lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
+    else if (m->last || shown)
+        lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
+    else if (m->newton && lg_minimise_newton_pays(m, before - value))
+        (void)lg_minimise_verify(m, LG_MINIMISE_STUCK);
+    else if (start || m->newton)
+        begin_damped(m);
     else if (lg_minimise_tiny(m))
         lg_minimise_finish(m, LG_MINIMISE_ROUNDING);
     else if (lg_minimise_slow(m))
@@ -344,31 +350,7 @@ static bool tell_step(lg_minimiser *m, double value, const double *gradient, con
         (void)lg_minimise_verify(m, LG_MINIMISE_STUCK);
     else
         propose(m);
-    return true;
-}
-
-bool lg_minimiser_tell_squares(lg_minimiser *m, double value, const double *gradient, const double *matrix) {
-    if (m->counts.stage == LG_STAGE_DONE || !m->row->squares) return false;
-    const bool finite = isfinite(value) && m->k->all_finite(m->n, gradient) &&
-                        m->k->all_finite(lg_minimise_matrix_length(m->n, &m->options), matrix);
-    m->counts.evaluations++;
-    if (m->last) return tell_last(m, value, gradient, matrix, finite);
-    if (m->newton && m->counts.stage == LG_STAGE_SEARCH)
-        return tell_newton(m, value, gradient, matrix, finite);
-    if (m->counts.stage == LG_STAGE_SEARCH) return tell_step(m, value, gradient, matrix, finite);
-    if (m->counts.stage == LG_STAGE_HESSIAN) {
-        lg_minimise_newton_tell(m, gradient);
-        return false;
-    }
-    take(m, value, gradient, matrix);
-    m->numbers.reference_value = m->numbers.start_value = value;
-    if (!finite)
-        lg_minimise_finish(m, LG_MINIMISE_NOT_FINITE);
-    else if (lg_minimise_flat(m))
-        lg_minimise_finish(m, LG_MINIMISE_GRADIENT);
-    else
-        begin_damped(m);
-    return false;
+    return !start;
 }
 
 /* The Hessian of f overwrites the damped matrix (`schur`), which follows P; P is kept. */

@@ -171,7 +171,7 @@ typedef struct given_residuals {
     lg_residuals function;
     void *user;
     size_t m, n;
-    /* one allocation that begins at r and holds all arrays of this struct */
+    /* one allocation holds all arrays of this struct */
     double *r, *jacobian, *transposed, *gradient, *matrix;
     /* For the check of J: J d at x and in the middle of a step, r and J d at its end. */
     double *slope0, *middle, *end, *change;
@@ -345,20 +345,18 @@ lg_status lg_least_squares(const lg_context *context, size_t n, size_t rows, lg_
     LG_TRY_SCRATCH(
         double, memory, context, numbers,
         lg_fail(error, LG_OUT_OF_MEMORY, "no memory for a Jacobian of %zu x %zu numbers", rows, n));
-    given_residuals given = {.function = residuals, .user = user, .m = rows, .n = n, .k = m->k, .r = memory};
-    given.jacobian = given.r + rows;
-    given.transposed = given.jacobian + rows * n;
-    given.gradient = given.transposed + rows * n;
-    given.matrix = given.gradient + n;
-    given.slope0 = given.matrix + n * n;
-    given.middle = given.slope0 + rows;
-    given.end = given.middle + rows;
-    given.change = given.end + rows;
-    given.best = (lg_minimise_squares){rows, given.r, given.transposed, given.change + rows, NULL, NULL};
-    given.best.columns = given.best.r + rows;
-    given.best.stack = given.best.columns + rows * n;
-    given.x = given.best.stack + lg_minimise_stack_length(rows, n);
-    given.unit = given.x + n;
+    given_residuals given = {
+        .function = residuals, .user = user, .m = rows, .n = n, .k = m->k, .best.rows = rows};
+    double **const arrays[] = {
+        &given.r,      &given.slope0,   &given.middle,     &given.end,          &given.change,
+        &given.best.r, &given.jacobian, &given.transposed, &given.best.columns, &given.gradient,
+        &given.x,      &given.unit,     &given.matrix,     &given.best.stack};
+    for (size_t i = 0, at = 0; i < LG_COUNT(arrays); i++) {
+        *arrays[i] = memory + at;
+        at += i < 6 ? rows : i < 9 ? rows * n : i < 12 ? n : n * n;
+    }
+    given.best.trial_r = given.r;
+    given.best.trial_columns = given.transposed;
     take_units(m, x, given.unit);
     m->squares = &given.best;
     lg_minimise_end end;

@@ -37,7 +37,8 @@ static double extrapolate(const lg_minimise_numbers *s, double slope) {
     return slope > s->low_slope ? fmin(fmax(x, LEAST_GROWTH * s->alpha), most) : most;
 }
 
-lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double slope) {
+/* value is INFINITY and slope, g.d, is NaN if f or g is not finite. */
+static lg_search_verdict tell(lg_minimiser *m, double value, double slope) {
     lg_minimise_numbers *s = &m->numbers;
     const bool falls = isfinite(slope) && value <= s->value + ARMIJO * s->alpha * s->slope;
     const bool last = ++m->counts.trials == MOST_TRIALS;
@@ -64,4 +65,12 @@ lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, double 
     if (next == s->low || next == s->high || !isfinite(next)) return LG_SEARCH_FAIL;
     s->alpha = next;
     return LG_SEARCH_ON;
+}
+
+lg_search_verdict lg_minimise_search_tell(lg_minimiser *m, double value, const double *gradient,
+                                          bool finite) {
+    const lg_search_verdict verdict =
+        tell(m, finite ? value : INFINITY, finite ? m->k->dot(m->n, gradient, m->d) : NAN);
+    if (verdict == LG_SEARCH_ON) lg_minimise_set_point(m, m->numbers.alpha, m->d);
+    return verdict;
 }

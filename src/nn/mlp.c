@@ -6,8 +6,6 @@
 #include "core/core.h"
 #include "nn/layers.h"
 
-#define MAX_WIDTH (1u << 20)
-
 lg_status lg_mlp_init(lg_mlp *net, uint32_t inputs, const uint32_t *hidden, uint32_t hidden_layers,
                       uint32_t outputs, lg_activation activation, bool last_bias) {
     if (net == NULL || hidden_layers >= LG_MLP_MAX_LAYERS || (hidden == NULL && hidden_layers > 0))
@@ -18,7 +16,7 @@ lg_status lg_mlp_init(lg_mlp *net, uint32_t inputs, const uint32_t *hidden, uint
     for (uint32_t i = 0; i < hidden_layers; i++) made.width[i + 1] = hidden[i];
     made.width[made.layers] = outputs;
     for (uint32_t i = 0; i <= made.layers; i++)
-        if (made.width[i] == 0 || made.width[i] > MAX_WIDTH) return LG_INVALID_ARGUMENT;
+        if (!lg_layers_size_fits(made.width[i])) return LG_INVALID_ARGUMENT;
     *net = made;
     return LG_OK;
 }
@@ -35,16 +33,15 @@ bool lg_mlp_has_bias(const lg_mlp *net, uint32_t layer) {
     return net->last_bias || layer + 1 < net->layers;
 }
 
-static void list_layers(const lg_mlp *net, lg_layers *layers) {
-    layers->count = 0;
-    layers->parameters = 0;
+static lg_layers layers_of(const lg_mlp *net) {
+    lg_layers layers = {.count = 0};
     for (uint32_t l = 0; l < net->layers; l++)
-        lg_layers_add(layers, "layer", l + 1, net->width[l], net->width[l + 1], 0, lg_mlp_has_bias(net, l));
+        lg_layers_add(&layers, "layer", l + 1, net->width[l], net->width[l + 1], 0, lg_mlp_has_bias(net, l));
+    return layers;
 }
 
 size_t lg_mlp_weight_offset(const lg_mlp *net, uint32_t layer) {
-    lg_layers layers;
-    list_layers(net, &layers);
+    const lg_layers layers = layers_of(net);
     return layer < layers.count ? layers.layer[layer].weight : layers.parameters;
 }
 
@@ -57,8 +54,7 @@ size_t lg_mlp_parameters(const lg_mlp *net) {
 }
 
 void lg_mlp_initialise(const lg_mlp *net, lg_rng *rng, double *theta) {
-    lg_layers layers;
-    list_layers(net, &layers);
+    const lg_layers layers = layers_of(net);
     lg_layers_initialise(&layers, rng, theta);
 }
 
@@ -71,8 +67,7 @@ void lg_mlp_draw(void *net, size_t parameter, size_t count, lg_rng *rng, double 
 lg_status lg_mlp_bind(lg_tape *tape, const lg_mlp *net, lg_var theta, size_t offset, lg_mlp_vars *vars) {
     LG_TRY(lg_tape_needs(tape, "mlp", net != NULL && vars != NULL));
     lg_mlp_vars bound;
-    lg_layers layers;
-    list_layers(net, &layers);
+    const lg_layers layers = layers_of(net);
     LG_TRY(lg_layers_bind(tape, &layers, "mlp", theta, offset, bound.weight, bound.bias));
     *vars = bound;
     return LG_OK;

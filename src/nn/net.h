@@ -10,14 +10,23 @@
 #define NET_MAX_STEPS 2
 #define NET_MAX_DENSE (1 + NET_MAX_HEADS + NET_MAX_STEPS * LG_NET_MAX_LAYERS + 1)
 
-typedef struct net_layout {
-    lg_layers all; /* the embedding, if there is one, is the first; the output layer is the last */
-    uint32_t heads, first_head; /* number of heads, and the index of the first one */
-    /* number of dense layers in each of the l layers, and the index of the first one */
-    uint32_t steps, first_step;
-} net_layout;
+/* The dense layers between embedding and output. A dense layer of layer i = 0, 1, ... is called by its name
+ * in `step` and the number i + `number`, such as "gate1". */
+typedef struct net_body {
+    const char *name;
+    uint32_t heads, steps; /* steps: dense layers in each of the l layers */
+    const char *head[NET_MAX_HEADS];
+    struct {
+        const char *name;
+        bool has_bias;
+    } step[NET_MAX_STEPS];
+    uint32_t number;
+    bool gated; /* the layers are H <- (1 - Z) o U + Z o V, where o multiplies elementwise */
+} net_body;
+const net_body *lg_net_body(const lg_net *net);
 
-void lg_net_layout(const lg_net *net, net_layout *layout);
+/* All dense layers: the embedding, if there is one; the heads; the steps; the output layer. */
+lg_layers lg_net_layers(const lg_net *net);
 
 /* What a dense layer reads, x (B, in), and what it computes before its activation, x W + b (B, out). */
 typedef struct lg_net_tap {
@@ -27,9 +36,6 @@ typedef struct lg_net_tap {
  * and activations are recorded as separate operations. */
 lg_var lg_net_record_taps(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x,
                           lg_net_tap *taps);
-
-/* Whether the layers are H <- (1 - Z) o U + Z o V, where o multiplies elementwise. */
-bool lg_net_gated(const lg_net *net);
 
 #define LG_TWO_PI 6.283185307179586476925286766559
 

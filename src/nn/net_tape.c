@@ -6,20 +6,15 @@
 
 /* The parameters of the dense layers as views of the flat vector; LG_NONE for a missing bias. */
 typedef struct bound {
-    net_layout layout;
+    lg_layers layers;
     lg_var weight[NET_MAX_DENSE], bias[NET_MAX_DENSE];
     lg_net_tap *taps; /* may be NULL */
 } bound;
 
-static bool bind(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, bound *b) {
-    lg_net_layout(net, &b->layout);
-    return lg_layers_bind(tape, &b->layout.all, "net", theta, offset, b->weight, b->bias) == LG_OK;
-}
-
 static lg_var dense(lg_tape *tape, const bound *b, uint32_t i, lg_var x, lg_activation kind) {
     if (b->taps == NULL) return lg_dense(tape, x, b->weight[i], b->bias[i], kind);
-    const lg_var y = b->layout.all.layer[i].has_bias ? lg_matmul_add(tape, x, b->weight[i], b->bias[i])
-                                                     : lg_matmul(tape, x, b->weight[i]);
+    const lg_var y = b->layers.layer[i].has_bias ? lg_matmul_add(tape, x, b->weight[i], b->bias[i])
+                                                 : lg_matmul(tape, x, b->weight[i]);
     b->taps[i] = (lg_net_tap){x, y};
     return kind == LG_IDENTITY ? y : lg_act(tape, y, kind);
 }
@@ -31,27 +26,25 @@ static lg_var add_dense(lg_tape *tape, const bound *b, uint32_t i, lg_var x, lg_
 }
 
 static lg_var apply(lg_tape *tape, const lg_net *net, const bound *b, lg_var x) {
-    const net_layout *layout = &b->layout;
+    const net_body *body = lg_net_body(net);
     const lg_activation kind = net->activation;
-    const bool gated = lg_net_gated(net);
+    const uint32_t first = net->embedding > 0; /* index of the first head */
     lg_var head[NET_MAX_HEADS];
-    if (net->embedding > 0) {
-        x = lg_sin(tape, lg_scale(tape, dense(tape, b, 0, x, LG_IDENTITY), LG_TWO_PI));
-    }
-    for (uint32_t i = 0; i < layout->heads; i++) head[i] = dense(tape, b, layout->first_head + i, x, kind);
-    lg_var h = head[layout->heads - 1];
+    if (first > 0) x = lg_sin(tape, lg_scale(tape, dense(tape, b, 0, x, LG_IDENTITY), LG_TWO_PI));
+    for (uint32_t i = 0; i < body->heads; i++) head[i] = dense(tape, b, first + i, x, kind);
+    lg_var h = head[body->heads - 1];
     for (uint32_t l = 0; l < net->layers; l++) {
-        const uint32_t step = layout->first_step + l * layout->steps;
+        const uint32_t step = first + body->heads + l * body->steps;
         lg_var z = dense(tape, b, step, h, kind);
         if (net->kind == LG_NET_RESNET)
             h = add_dense(tape, b, step + 1, z, h);
-        else if (gated)
-            h = lg_lerp(tape, layout->steps > 1 ? dense(tape, b, step + 1, z, LG_IDENTITY) : z, head[0],
+        else if (body->gated)
+            h = lg_lerp(tape, body->steps > 1 ? dense(tape, b, step + 1, z, LG_IDENTITY) : z, head[0],
                         head[1]);
         else
             h = z;
     }
-    return dense(tape, b, layout->all.count - 1, h, LG_IDENTITY);
+    return dense(tape, b, b->layers.count - 1, h, LG_IDENTITY);
 }
 
 lg_var lg_net_record(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x) {
@@ -60,8 +53,9 @@ lg_var lg_net_record(lg_tape *tape, const lg_net *net, lg_var theta, size_t offs
 
 lg_var lg_net_record_taps(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x,
                           lg_net_tap *taps) {
-    bound b = {.taps = taps};
-    return bind(tape, net, theta, offset, &b) ? apply(tape, net, &b, x) : LG_NONE;
+    bound b = {.layers = lg_net_layers(net), .taps = taps};
+    const lg_status status = lg_layers_bind(tape, &b.layers, "net", theta, offset, b.weight, b.bias);
+    return status == LG_OK ? apply(tape, net, &b, x) : LG_NONE;
 }
 
 lg_status lg_net_record_jvp(lg_tape *tape, const lg_net *net, lg_var theta, size_t offset, lg_var x,

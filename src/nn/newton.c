@@ -18,10 +18,9 @@ static lg_status objective(void *user, const double *x, double *value, double *g
     const whole *w = user;
     const lg_fit_problem *p = w->problem;
     void *to = gradient;
-    lg_var loss;
+    lg_var theta, loss;
     lg_tape_reset(w->tape);
-    const lg_var theta = lg_parameter(w->tape, lg_shape1((uint32_t)p->parameters), x);
-    LG_TRY(lg_fit_record_loss(p, w->tape, theta, w->samples, p->samples, p->samples, &loss));
+    LG_TRY(lg_fit_record(p, w->tape, x, false, w->samples, p->samples, p->samples, &theta, &loss));
     LG_TRY(lg_read(w->tape, loss, 1, value));
     return lg_backward_set(w->tape, loss, &theta, 1, &to);
 }

@@ -84,7 +84,7 @@ static void fill_linear(const lg_table *model, const double *z, size_t count, ui
 }
 
 /* Fills the rows of J for one output by one reverse sweep. */
-static lg_status fill_output(lg_tape *tape, const lg_table *model, const net_layout *layout,
+static lg_status fill_output(lg_tape *tape, const lg_table *model, const lg_layers *layers,
                              const lg_net_tap *taps, lg_var f, size_t count, uint32_t output, double factor,
                              double *jacobian) {
     const uint32_t outputs = model->net.outputs;
@@ -92,12 +92,12 @@ static lg_status fill_output(lg_tape *tape, const lg_table *model, const net_lay
     lg_var given[NET_MAX_DENSE], by[NET_MAX_DENSE];
     const lg_mark mark = lg_tape_mark(tape);
     const lg_var g = lg_record_units(tape, (uint32_t)count, 1, output, outputs);
-    for (uint32_t i = 0; i < layout->all.count; i++) given[i] = taps[i].output;
-    LG_TRY(lg_vjp(tape, &f, &g, 1, given, layout->all.count, by));
-    for (uint32_t i = 0; i < layout->all.count; i++) {
+    for (uint32_t i = 0; i < layers->count; i++) given[i] = taps[i].output;
+    LG_TRY(lg_vjp(tape, &f, &g, 1, given, layers->count, by));
+    for (uint32_t i = 0; i < layers->count; i++) {
         const double *in = lg_value(tape, taps[i].input), *slope = lg_value(tape, by[i]);
         if (in == NULL || slope == NULL) return lg_tape_status(tape);
-        fill_layer(&layout->all.layer[i], in, slope, count, factor, stride, jacobian);
+        fill_layer(&layers->layer[i], in, slope, count, factor, stride, jacobian);
     }
     return lg_tape_rewind(tape, mark);
 }
@@ -108,9 +108,8 @@ lg_status lg_table_linearise(const lg_table_problem *problem, lg_tape *tape, con
     const lg_table *model = problem->model;
     const size_t n = lg_table_parameters(model);
     const uint32_t inputs = model->net.inputs, outputs = model->net.outputs;
-    net_layout layout;
+    const lg_layers layers = lg_net_layers(&model->net);
     lg_net_tap taps[NET_MAX_DENSE];
-    lg_net_layout(&model->net, &layout);
     lg_tape_reset(tape);
     const lg_var z = put_rows(tape, problem->samples->x, inputs, samples, count);
     const lg_var f = lg_table_record(tape, model, lg_parameter(tape, lg_shape1((uint32_t)n), theta), z, taps);
@@ -120,7 +119,7 @@ lg_status lg_table_linearise(const lg_table_problem *problem, lg_tape *tape, con
             r[i * outputs + o] =
                 factor * (r[i * outputs + o] - problem->samples->y[(size_t)samples[i] * outputs + o]);
     for (uint32_t o = 0; o < outputs; o++) {
-        LG_TRY(fill_output(tape, model, &layout, taps, f, count, o, factor, jacobian + o * n));
+        LG_TRY(fill_output(tape, model, &layers, taps, f, count, o, factor, jacobian + o * n));
         fill_linear(model, lg_value(tape, z), count, o, factor, n * outputs, jacobian + o * n);
     }
     return LG_OK;

@@ -907,7 +907,8 @@ TEST("a minimiser ignores what does not belong to its method or its stage, and f
     assert_int_equal(lg_minimiser_result(lm).end, LG_MINIMISE_NOT_FINITE);
     assert_true(lg_minimiser_result(lm).value == 1 && lg_minimiser_result(lm).gradient == 3);
     lm = test_minimiser(&f, LG_MINIMISE_LM);
-    (void)lg_minimiser_tell_squares(lm, 1, gradient, matrix);
+    assert_false(lg_minimiser_tell_squares(lm, 1, gradient, matrix));
+    assert_int_equal(lg_minimiser_result(lm).iterations, 0); /* the start is no step */
     lg_minimiser_change(lm, 1, gradient);
     assert_int_equal(lg_minimiser_result(lm).end, LG_MINIMISE_RUNNING);
     lg_minimise_options_init(&options);

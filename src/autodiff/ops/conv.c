@@ -147,25 +147,22 @@ static lg_status conv1d_weight_forward(lg_evaluation *e) {
 
 /* ---- convolution: generated C ---- */
 
-static void conv1d_c(lg_c *c, const lg_evaluation *e) {
-    const lg_conv conv = conv_at(e);
+static void write_call(lg_c *c, const char *function, lg_conv conv, const char *bias) {
     char text[LG_WINDOWS_TEXT];
-    lg_c_call(c, "conv1d(%zu, %s, %zu, $0, $1, %s, $y)", conv.batch, lg_windows_text(&conv.windows, text),
-              conv.outputs, e->inputs > 2 ? "$2" : "NULL");
+    lg_c_call(c, "%s(%zu, %s, %zu, $0, $1%s, $y)", function, conv.batch, lg_windows_text(&conv.windows, text),
+              conv.outputs, bias);
+}
+
+static void conv1d_c(lg_c *c, const lg_evaluation *e) {
+    write_call(c, "conv1d", conv_at(e), e->inputs > 2 ? ", $2" : ", NULL");
 }
 
 static void conv1d_input_c(lg_c *c, const lg_evaluation *e) {
-    const lg_conv conv = conv_input_at(e);
-    char text[LG_WINDOWS_TEXT];
-    lg_c_call(c, "conv1d_input(%zu, %s, %zu, $0, $1, $y)", conv.batch, lg_windows_text(&conv.windows, text),
-              conv.outputs);
+    write_call(c, "conv1d_input", conv_input_at(e), "");
 }
 
 static void conv1d_weight_c(lg_c *c, const lg_evaluation *e) {
-    const lg_conv conv = conv_weight_at(e);
-    char text[LG_WINDOWS_TEXT];
-    lg_c_call(c, "conv1d_weight(%zu, %s, %zu, $0, $1, $y)", conv.batch, lg_windows_text(&conv.windows, text),
-              conv.outputs);
+    write_call(c, "conv1d_weight", conv_weight_at(e), "");
 }
 
 /* ---- convolution: unrecorded mode ---- */

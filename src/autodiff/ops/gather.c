@@ -76,12 +76,6 @@ static void scatter_c(lg_c *c, const lg_evaluation *e) {
     lg_c_call(c, "scatter(%u, %zu, %u, $i, $0, $y)", e->attr->i[0], row_length(e->in[0]), e->attr->i[1]);
 }
 
-/* Records with attr.pointer as it is: the indices already lie in the tape's memory, and derivatives share
- * them. */
-static lg_var record_indexed(lg_tape *tape, const lg_op *op, lg_var x, const lg_attr *attr) {
-    return lg_record(tape, op, &x, 1, attr);
-}
-
 static void scatter_expand(lg_scalars *s, const lg_evaluation *e, const lg_scalar *const *x, lg_scalar *y) {
     const uint32_t *indices = e->attr->pointer;
     const size_t length = row_length(e->in[0]);
@@ -92,15 +86,16 @@ static void scatter_expand(lg_scalars *s, const lg_evaluation *e, const lg_scala
     }
 }
 
+/* Derivatives share the indices, which lie in the tape's memory. */
 static void gather_vjp(lg_reverse *r) {
-    if (r->need[0]) r->out[0] = record_indexed(r->tape, &lg_op_scatter, r->g, r->attr);
+    if (r->need[0]) r->out[0] = lg_record(r->tape, &lg_op_scatter, &r->g, 1, r->attr);
 }
 const lg_op lg_op_gather = {LG_OP("gather", 0, 1, 1, gather_shape, gather_forward, gather_vjp, lg_linear_jvp),
                             .payload = LG_PAYLOAD_INDICES, .write_c = gather_c, .expand = lg_moved_expand,
                             .terms = lg_no_terms};
 
 static void scatter_vjp(lg_reverse *r) {
-    if (r->need[0]) r->out[0] = record_indexed(r->tape, &lg_op_gather, r->g, r->attr);
+    if (r->need[0]) r->out[0] = lg_record(r->tape, &lg_op_gather, &r->g, 1, r->attr);
 }
 const lg_op lg_op_scatter = {
     LG_OP("scatter", 0, 1, 1, scatter_shape, scatter_forward, scatter_vjp, lg_linear_jvp),
@@ -116,8 +111,7 @@ static lg_var index_rows(lg_tape *tape, const lg_op *op, lg_var x, const uint32_
     uint32_t *kept = lg_payload_allocate(tape, (size_t)n * sizeof *kept);
     if (kept == NULL) return LG_NONE;
     if (n > 0) memcpy(kept, indices, (size_t)n * sizeof *kept);
-    lg_attr attr = {.i = {n, rows, 0, 0}, .pointer = kept};
-    return record_indexed(tape, op, x, &attr);
+    return lg_record(tape, op, &x, 1, &(lg_attr){.i = {n, rows, 0, 0}, .pointer = kept});
 }
 
 lg_var lg_gather(lg_tape *tape, lg_var x, const uint32_t *indices, uint32_t n) {

@@ -79,10 +79,8 @@ static void reduce_c(lg_c *c, const lg_evaluation *e) {
 
 /* The cotangent of the input, by the adjoint operation. */
 static void record_adjoint(lg_reverse *r, const lg_op *adjoint) {
-    const uint32_t *i = r->attr->i;
-    if (r->need[0])
-        r->out[0] =
-            record_sized(r->tape, adjoint, r->g, i[0], i[1], i[2], lg_node_at(r->tape, r->in[0])->shape);
+    const lg_shape shape = lg_node_at(r->tape, r->in[0])->shape;
+    if (r->need[0]) r->out[0] = lg_record_shaped(r->tape, adjoint, &r->g, 1, r->attr, shape);
 }
 
 static void reduce_vjp(lg_reverse *r) {
@@ -282,23 +280,11 @@ lg_var lg_mean_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
 
 /* ---- maximum ---- */
 
-static double element(const lg_evaluation *e, size_t i) {
-    return e->k->size == sizeof(double) ? ((const double *)e->x[0])[i] : (double)((const float *)e->x[0])[i];
-}
-
-/* Index along the axis of the first maximum in column (o, i). A NaN counts as the maximum. */
-static size_t first_maximum(const lg_evaluation *e, size_t o, size_t i) {
-    const uint32_t *size = e->attr->i;
-    size_t best = 0;
-    double value = element(e, o * size[1] * size[2] + i);
-    for (size_t l = 1; l < size[1] && value == value; l++) {
-        double next = element(e, (o * size[1] + l) * size[2] + i);
-        if (next > value || next != next) {
-            value = next;
-            best = l;
-        }
-    }
-    return best;
+/* The middle axis as the only window of each of `outer` series, of `inner` channels. */
+static lg_k_windows window_of(const lg_attr *attr) {
+    const uint32_t *size = attr->i;
+    return (lg_k_windows){
+        .length = size[1], .channels = size[2], .size = size[1], .stride = size[1], .count = 1};
 }
 
 static lg_status reduce_max_shape(const lg_shape *const *in, uint32_t inputs, const lg_attr *attr,
@@ -307,26 +293,20 @@ static lg_status reduce_max_shape(const lg_shape *const *in, uint32_t inputs, co
 }
 
 static lg_status reduce_max_forward(lg_evaluation *e) {
-    const uint32_t *size = e->attr->i;
-    if (e->count == 0) return LG_OK;
-    for (size_t o = 0; o < size[0]; o++)
-        for (size_t i = 0; i < size[2]; i++) {
-            size_t at = (o * size[1] + first_maximum(e, o, i)) * size[2] + i;
-            memcpy((unsigned char *)e->y + (o * size[2] + i) * e->k->size,
-                   (const unsigned char *)e->x[0] + at * e->k->size, e->k->size);
-        }
+    const lg_k_windows w = window_of(e->attr);
+    if (e->count > 0) e->k->window_pick(&w, e->attr->i[0], e->x[0], e->x[0], e->y);
     return LG_OK;
 }
 
+static size_t mask_scratch(const lg_evaluation *e) {
+    return (size_t)e->attr->i[0] * e->attr->i[2] * e->k->size;
+}
+
 static lg_status argmax_mask_forward(lg_evaluation *e) {
-    const uint32_t *size = e->attr->i;
+    const lg_k_windows w = window_of(e->attr);
     if (e->count == 0) return LG_OK;
-    e->k->fill(e->count, 0.0, e->y);
-    for (size_t o = 0; o < size[0]; o++)
-        for (size_t i = 0; i < size[2]; i++) {
-            size_t at = (o * size[1] + first_maximum(e, o, i)) * size[2] + i;
-            e->k->fill(1, 1.0, (unsigned char *)e->y + at * e->k->size);
-        }
+    e->k->fill((size_t)e->attr->i[0] * w.channels, 1.0, e->scratch);
+    e->k->window_place(&w, e->attr->i[0], e->scratch, e->x[0], e->y, false);
     return LG_OK;
 }
 
@@ -342,25 +322,22 @@ static void argmax_mask_c(lg_c *c, const lg_evaluation *e) {
 
 const lg_op lg_op_argmax_mask = {
     LG_OP("argmax_mask", ~0u, 1, 1, mask_shape, argmax_mask_forward, lg_no_vjp, lg_zero_jvp), .given = true,
-    .write_c = argmax_mask_c};
+    .scratch = mask_scratch, .write_c = argmax_mask_c};
 
 static lg_var mask_of(lg_tape *tape, const lg_attr *attr, lg_var x) {
-    return record_sized(tape, &lg_op_argmax_mask, x, attr->i[0], attr->i[1], attr->i[2],
-                        lg_node_at(tape, x)->shape);
+    return lg_record_shaped(tape, &lg_op_argmax_mask, &x, 1, attr, lg_node_at(tape, x)->shape);
 }
 
 static void reduce_max_vjp(lg_reverse *r) {
     if (!r->need[0]) return;
-    const uint32_t *i = r->attr->i;
-    lg_shape shape = lg_node_at(r->tape, r->in[0])->shape;
-    lg_var spread = record_sized(r->tape, &lg_op_repeat, r->g, i[0], i[1], i[2], shape);
+    const lg_shape shape = lg_node_at(r->tape, r->in[0])->shape;
+    const lg_var spread = lg_record_shaped(r->tape, &lg_op_repeat, &r->g, 1, r->attr, shape);
     r->out[0] = lg_mul(r->tape, spread, mask_of(r->tape, r->attr, r->in[0]));
 }
 
 static lg_var reduce_max_jvp(const lg_forward *f) {
-    const uint32_t *i = f->attr->i;
-    lg_var chosen = lg_mul(f->tape, f->tangents[0], mask_of(f->tape, f->attr, f->in[0]));
-    return record_sized(f->tape, &lg_op_reduce, chosen, i[0], i[1], i[2], lg_node_at(f->tape, f->y)->shape);
+    const lg_var chosen = lg_mul(f->tape, f->tangents[0], mask_of(f->tape, f->attr, f->in[0]));
+    return lg_record_shaped(f->tape, &lg_op_reduce, &chosen, 1, f->attr, lg_node_at(f->tape, f->y)->shape);
 }
 
 const lg_op lg_op_reduce_max = {

@@ -352,6 +352,23 @@ static bool is_transpose(uint32_t rank, const uint32_t *axes) {
     return true;
 }
 
+/* The loops over the output in its order, the innermost one last, and their steps in the input. */
+typedef struct walk {
+    size_t dims[LG_MAX_RANK], step[LG_MAX_RANK];
+} walk;
+
+static walk walk_of(const lg_evaluation *e) {
+    const uint32_t rank = e->shape->rank, before = LG_MAX_RANK - rank;
+    size_t stride[LG_MAX_RANK], run = 1;
+    walk w = {.dims = {1, 1, 1, 1}};
+    for (uint32_t i = rank; i-- > 0; run *= e->in[0]->dims[i]) stride[i] = run;
+    for (uint32_t i = 0; i < rank; i++) {
+        w.dims[before + i] = e->shape->dims[i];
+        w.step[before + i] = stride[e->attr->i[i]];
+    }
+    return w;
+}
+
 static lg_status permute_forward(lg_evaluation *e) {
     const lg_kernels *k = e->k;
     const uint32_t rank = e->shape->rank, *axes = e->attr->i;
@@ -362,35 +379,23 @@ static lg_status permute_forward(lg_evaluation *e) {
                          (unsigned char *)e->y + at * k->size);
         return LG_OK;
     }
-    size_t stride[LG_MAX_RANK], dims[LG_MAX_RANK] = {1, 1, 1, 1}, step[LG_MAX_RANK] = {0, 0, 0, 0}, run = 1;
-    for (uint32_t i = rank; i-- > 0;) {
-        stride[i] = run;
-        run *= e->in[0]->dims[i];
-    }
-    for (uint32_t i = 0; i < rank; i++) {
-        dims[LG_MAX_RANK - rank + i] = e->shape->dims[i];
-        step[LG_MAX_RANK - rank + i] = stride[axes[i]];
-    }
+    const walk w = walk_of(e);
     const unsigned char *x = e->x[0];
     unsigned char *y = e->y;
-    for (size_t a = 0; a < dims[0]; a++)
-        for (size_t b = 0; b < dims[1]; b++)
-            for (size_t c = 0; c < dims[2]; c++)
-                for (size_t d = 0; d < dims[3]; d++, y += k->size)
-                    memcpy(y, x + (a * step[0] + b * step[1] + c * step[2] + d * step[3]) * k->size, k->size);
+    for (size_t a = 0; a < w.dims[0]; a++)
+        for (size_t b = 0; b < w.dims[1]; b++)
+            for (size_t c = 0; c < w.dims[2]; c++)
+                for (size_t d = 0; d < w.dims[3]; d++, y += k->size) {
+                    const size_t at = a * w.step[0] + b * w.step[1] + c * w.step[2] + d * w.step[3];
+                    memcpy(y, x + at * k->size, k->size);
+                }
     return LG_OK;
 }
 
 static void permute_c(lg_c *c, const lg_evaluation *e) {
-    const uint32_t rank = e->shape->rank, before = LG_MAX_RANK - rank;
-    size_t stride[LG_MAX_RANK], dims[LG_MAX_RANK] = {1, 1, 1, 1}, step[LG_MAX_RANK] = {0, 0, 0, 0}, run = 1;
-    for (uint32_t i = rank; i-- > 0; run *= e->in[0]->dims[i]) stride[i] = run;
-    for (uint32_t i = 0; i < rank; i++) {
-        dims[before + i] = e->shape->dims[i];
-        step[before + i] = stride[e->attr->i[i]];
-    }
-    lg_c_call(c, "permute(%zu, %zu, %zu, %zu, %zu, %zu, %zu, %zu, $0, $y)", dims[0], dims[1], dims[2],
-              dims[3], step[0], step[1], step[2], step[3]);
+    const walk w = walk_of(e);
+    lg_c_call(c, "permute(%zu, %zu, %zu, %zu, %zu, %zu, %zu, %zu, $0, $y)", w.dims[0], w.dims[1], w.dims[2],
+              w.dims[3], w.step[0], w.step[1], w.step[2], w.step[3]);
 }
 
 static void inverse_axes(const lg_attr *attr, uint32_t rank, int *axes) {
