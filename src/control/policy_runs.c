@@ -48,42 +48,6 @@ lg_status lg_policy_starts(const lg_policy *p, lg_rng *rng, size_t count, double
     return lg_policy_states(p, z, count, x, error);
 }
 
-lg_status lg_policy_plans_create(const lg_policy *p, bool drawn, const char *const *functions, size_t count,
-                                 lg_dtype dtype, size_t rows, lg_policy_plans *out, lg_error *error) {
-    const size_t machines = drawn && p->draw_count > 0 ? p->draw_count : 1, all = machines * count;
-    *out = (lg_policy_plans){.context = p->context, .machines = machines, .count = count};
-    out->plan = lg_alloc(p->context, all, sizeof(lg_plan *));
-    if (out->plan == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for plans of a policy");
-    for (size_t i = 0; i < all; i++) {
-        const lg_policy *of = drawn && p->draw_count > 0 ? p->draws[i / count % p->draw_count] : p;
-        LG_TRY(lg_program_plan(of->program, functions[i % count], dtype, rows, &out->plan[i], error));
-        const size_t own = lg_plan_work_size(out->plan[i]);
-        out->work = own > out->work ? own : out->work;
-    }
-    return LG_OK;
-}
-
-void lg_policy_plans_destroy(lg_policy_plans *plans) {
-    for (size_t i = 0; plans->plan != NULL && i < plans->machines * plans->count; i++)
-        lg_plan_destroy(plans->plan[i]);
-    lg_free(plans->context, plans->plan);
-}
-
-void lg_policy_draw_noise(const lg_policy *p, uint64_t seed, uint64_t piece, size_t periods, lg_dtype dtype,
-                          void *noise, void *late) {
-    double sizes[LG_POLICY_NOISE];
-    const size_t n = p->layout.noise;
-    lg_rng rng;
-    lg_policy_noise_sizes(&p->task, sizes);
-    lg_rng_seed(&rng, seed ^ UINT64_C(0xd1b54a32d192ed03), piece);
-    for (size_t i = 0; i < ROWS; i++)
-        lg_put_numbers(dtype, late, i, &(double){lg_rng_uniform(&rng) < p->task.delay ? 1.0 : 0.0}, 1);
-    for (size_t i = 0; i < periods * ROWS * n; i++) {
-        const double size = sizes[i % n];
-        lg_put_numbers(dtype, noise, i, &(double){size > 0.0 ? size * lg_rng_normal(&rng) : 0.0}, 1);
-    }
-}
-
 enum { ERRORS = 1, POSITIONS, PLANS }; /* POSITIONS: of a plant with velocities */
 
 typedef struct running {

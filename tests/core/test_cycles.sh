@@ -11,7 +11,7 @@ nn/fit_methods nn/fit_ranks nn/fit_squares nn/fit_step
 elastica/elastica_branches elastica/elastica_continuation
 anomaly/detector_train anomaly/detector_units
 anomaly/riser anomaly/riser_motion anomaly/riser_sea
-anomaly/classify/features anomaly/classify/features_kinds anomaly/classify/features_program anomaly/classify/features_rocket
+anomaly/classify/classifier_program anomaly/classify/features anomaly/classify/features_kinds anomaly/classify/features_rocket
 anomaly/classify/tree anomaly/classify/tree_prune
 machine/friction machine/record
 machine/files/machine machine/files/terms
