@@ -800,7 +800,7 @@ TEST("lines in the plot of regressions range over the accelerations of the segme
     static char text[CLI_TEXT];
     lg_series *series = &read_back("data.h5")->series;
     lg_windows windows;
-    double least = INFINITY, most = 0, class, intercept, slope, from, to;
+    double least = INFINITY, most = 0, class = 0, intercept = 0, slope = 0, from = 0, to = 0;
     assert_ok(lg_windows_create(NULL, series, N, 0, &windows, NULL));
     float *x = TEST_ARRAY(float, (size_t)series->channels *N);
     lg_windows_copy(series, &windows, 0, x);
