@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "lg-control/control_app.h"
+#include "lg-control/certify_report.h"
 #include "liegrad/interval.h"
 #include "liegrad/lyapunov.h"
 
@@ -58,73 +58,17 @@ static const lg_field options[] = {
 
 static certify_values values;
 
-/* ---- names ---- */
+/* ---- the box ---- */
 
-enum { STATES = 2 * LG_POLICY_COORDINATES };
-
-typedef struct naming {
-    const lg_policy_task *task;
-    const char *plant;   /* path of the task's plant; NULL: there is a trained policy, no task */
-    size_t n, positions; /* numbers of z: positions that are not free, then velocities */
-    const lg_policy_coordinate *of[STATES]; /* of each number */
-} naming;
-
-static const char *name_of(naming names, size_t i) {
-    return i < names.positions ? names.of[i]->name : names.of[i]->velocity;
-}
-
-static naming name_states(const lg_policy_task *task) {
-    naming names = {.task = task};
-    for (int velocity = 0; velocity < 2; velocity++)
-        for (uint32_t i = 0; i < task->coordinate_count; i++) {
-            const lg_policy_coordinate *c = &task->coordinate[i];
-            if (velocity ? c->velocity[0] == '\0' : c->free) continue;
-            names.of[names.n++] = c;
-            names.positions += !velocity;
-        }
-    return names;
-}
-
-/* The state with this name; a velocity is also known as v and the name of its position. */
-static size_t find_state(const app *self, naming names, const char *option, const char *name) {
-    APP_CLEAN(lg_text_destroy) lg_text known = app_text();
-    for (size_t i = 0; i < names.n; i++) {
-        if (strcmp(name, name_of(names, i)) == 0 ||
-            (i >= names.positions && name[0] == 'v' && strcmp(name + 1, names.of[i]->name) == 0))
-            return i;
-        lg_text_add(&known, "%s%s", i > 0 ? ", " : "", name_of(names, i));
-    }
-    app_stop_usage(self, "%s: there is no state '%s'; the states are %s", option, name, known.data);
-}
-
-/* "NAME=number,..." */
-static void read_states(const app *self, naming names, const char *option, const char *given, double *out) {
-    bool seen[STATES] = {false};
-    APP_FREE char *text = app_format("%s", given);
-    char *rest = NULL;
-    for (char *entry = strtok_r(text, ",", &rest); entry != NULL; entry = strtok_r(NULL, ",", &rest)) {
-        char *number = strchr(entry, '=');
-        double x = 0;
-        if (number == NULL) app_stop_usage(self, "%s: '%s' is not NAME=number", option, entry);
-        *number++ = '\0';
-        const size_t i = find_state(self, names, option, entry);
-        if (lg_number_parse(number, &x) != LG_OK || !(x > 0))
-            app_stop_usage(self, "%s: %s: '%s' is not a number above 0", option, entry, number);
-        if (seen[i]) app_stop_usage(self, "%s: '%s' stands twice", option, entry);
-        seen[i] = true;
-        out[i] = x;
-    }
-}
-
-static void read_box(const app *self, naming names, double *low, double *high) {
+static void read_box(const app *self, control_naming names, double *low, double *high) {
     for (size_t i = 0; i < names.n; i++) high[i] = INFINITY;
-    if (values.box != NULL) read_states(self, names, "--box", values.box, high);
+    if (values.box != NULL) control_read_states(self, names, "--box", values.box, high);
     for (size_t i = 0; i < names.n; i++) {
         low[i] = -high[i];
         if (values.lyapunov != QUADRATIC && values.lyapunov != ENERGY && !isfinite(high[i]))
             app_stop_usage(self,
                            "--box: a V that is no quadratic form needs a bound of every state; %s has none",
-                           name_of(names, i));
+                           control_name_of(names, i));
     }
 }
 
@@ -133,20 +77,20 @@ static bool is_task(const char *path) {
     return dot != NULL && (strcmp(dot, ".yaml") == 0 || strcmp(dot, ".yml") == 0);
 }
 
-static void draw_model_error(const app *self, lg_policy *policy, naming names, const double *high,
+static void draw_model_error(const app *self, lg_policy *policy, control_naming names, const double *high,
                              double *out) {
     if (names.plant == NULL)
         app_stop_usage(self, "--model-error auto: give the task, whose plant is a model of lg-identify");
     for (size_t i = 0; i < names.n; i++)
         if (!isfinite(high[i]))
             app_stop_usage(self, "--model-error auto: needs a bound of every state; %s has none",
-                           name_of(names, i));
+                           control_name_of(names, i));
     control_draw_error(self, policy, names.plant, !values.loop, high, out);
 }
 
 /* One number is for the rates that the model states: the accelerations, or all rates of a program; of a
  * held loop for all states. */
-static void read_model_error(const app *self, lg_policy *policy, naming names, const double *high,
+static void read_model_error(const app *self, lg_policy *policy, control_naming names, const double *high,
                              double *out) {
     double x;
     const size_t positions = names.positions;
@@ -156,7 +100,7 @@ static void read_model_error(const app *self, lg_policy *policy, naming names, c
         return;
     }
     if (strchr(values.model_error, '=') != NULL) {
-        read_states(self, names, "--model-error", values.model_error, out);
+        control_read_states(self, names, "--model-error", values.model_error, out);
     } else {
         if (lg_number_parse(values.model_error, &x) != LG_OK || !(x >= 0))
             app_stop_usage(self, "--model-error: '%s' is not a number of at least 0", values.model_error);
@@ -167,7 +111,7 @@ static void read_model_error(const app *self, lg_policy *policy, naming names, c
     for (size_t i = 0; values.loop && names.n > positions && i < positions; i++)
         if (out[i] > 0)
             app_stop_usage(self, "--model-error: %s is a position, whose rate is its velocity, without error",
-                           name_of(names, i));
+                           control_name_of(names, i));
 }
 
 /* 0: auto */
@@ -244,148 +188,9 @@ lg_policy *control_read_policy(const app *self, const char *path, const double *
     return policy;
 }
 
-/* ---- results ---- */
-
-/* What all kinds of proofs say. */
-typedef struct verdict {
-    lg_certify_result r; /* input_error: of held inputs; 0: not covered. The box is from the goal. */
-    bool global;
-    double margin; /* of the energy; for rotations the angle */
-    size_t sides;
-    const double *P, *gains; /* (sides, sides); (inputs, sides); NULL: none, or gains that were not chosen */
-} verdict;
-
-/* Why it is not proved, with the box. */
-static char *tell_reason(app_json *out, naming names, const verdict *v) {
-    lg_text text = app_text();
-    lg_text_add(&text, "%s", v->r.reason);
-    app_json_open(out, "failed", '{');
-    for (size_t i = 0; i < v->sides && v->r.failed_low != NULL; i++) {
-        const double goal = i < names.positions ? names.of[i]->goal[0] : 0;
-        const double side[2] = {goal + v->r.failed_low[i], goal + v->r.failed_high[i]};
-        app_json_reals(out, name_of(names, i), side, 2);
-        lg_text_add(&text, "%s%s from %.6g to %.6g", i == 0 ? ", at " : ", ", name_of(names, i), side[0],
-                    side[1]);
-    }
-    app_json_close(out, '}');
-    return text.data;
-}
-
-/* The quadratic form, and gains in the form that a task takes. */
-static void tell_forms(app_json *out, naming names, const verdict *v) {
-    APP_CLEAN(lg_text_destroy) lg_text line = app_text();
-    const size_t n = v->sides, count = names.task->input_count * n;
-    if (v->P != NULL) app_json_reals(out, "P", v->P, n * n);
-    if (v->gains != NULL) app_json_reals(out, "gains", v->gains, count);
-    for (size_t i = 0; i < count && v->gains != NULL; i++)
-        lg_text_add(&line, "%s%.6g", i > 0 ? ", " : "", v->gains[i]);
-    if (v->gains != NULL)
-        app_result_line(out, "chosen for a large set: controller: {kind: lqr, gains: [%s]}", line.data);
-}
-
-static double six_digits(double x) {
-    char text[32];
-    (void)lg_format(text, sizeof text, "%.6g", x);
-    return lg_real(text, NULL);
-}
-
-/* A number of at most 6 digits that is not above x. */
-static double rounded_down(double x) {
-    double out = six_digits(x);
-    for (int i = 1; i <= 10 && !(out <= x); i++) out = six_digits(x - i * 1e-6 * fabs(x));
-    return out;
-}
-
-static void tell(app *self, naming names, const verdict *v) {
-    const lg_certify_result *r = &v->r;
-    app_json *out = self->out;
-    APP_PUT(out, LG_AS_FLAG("verified", r->verified), LG_AS_FLAG("global", r->verified && v->global),
-            LG_AS_FLAG("converges", r->converges), LG_TEXT("claim", r->claim, NULL));
-    APP_FREE char *reason = r->verified ? NULL : tell_reason(out, names, v);
-    if (!r->verified) app_json_put(out, LG_TEXT("reason", reason, NULL));
-    if (!v->global) app_result_real(out, "level", rounded_down(r->level), NULL);
-    if (v->global)
-        app_result_real(out, "margin", rounded_down(v->margin), "of the input's force over the potential's");
-    else if (values.lyapunov == ENERGY)
-        app_result_real(out, "angle", rounded_down(v->margin),
-                        "radians: all rotations at rest up to it are in the set");
-    else
-        APP_PUT(out, LG_REAL("volume", rounded_down(r->volume), "of {V <= level}, a lower bound"),
-                LG_REAL("fraction", rounded_down(r->fraction), "of the box"));
-    if (r->width != NULL)
-        app_json_put(out, LG_REALS("width", r->width, v->sides,
-                                   "the set's largest distance from the goal in each state"));
-    if (r->input_error > 0) app_json_real(out, "input_error", r->input_error);
-    if (r->input_error > 0 && r->verified) app_json_real(out, "eps_rounded", r->eps_rounded);
-    tell_forms(out, names, v);
-    APP_PUT(out, LG_WHOLE("boxes", r->boxes, "examined"), LG_REAL("seconds", r->seconds, NULL));
-    app_result_end(self);
-    if (!r->verified) app_stop(self, LG_CHECK_FAILED, "not proved: %s", reason);
-}
-
-/* ---- the claim ---- */
-
-/* The name of a file with the first digits of the hash of its bytes. */
-static char *name_file(const app *self, const char *path) {
-    char text[LG_SHA256_TEXT];
-    lg_sha256 state;
-    lg_sha256_init(&state);
-    APP_MUST_FILE(self, path, app_hash_file(path, &state, &error));
-    lg_sha256_finish(&state, text);
-    return app_format("%s (SHA-256 %.12s)", app_name_of(path), text);
-}
-
-void control_add_continuous(lg_text *claim, double period) {
-    lg_text_add(claim,
-                " It is about inputs that follow the state at all times; the controller holds them for %g.",
-                period);
-}
-
-/* The sentence of a proof, with what it is about before it, and what it covers after it. */
-static char *tell_claim(const app *self, naming names, bool chosen, bool rounded, const char *proof,
-                        const char *more) {
-    const char *path = self->arguments[0], *rest = strchr(proof, ':');
-    const char *of_kind = lg_policy_kind_name(names.task->kind);
-    APP_FREE char *own = name_file(self, path);
-    lg_text text = app_text();
-    lg_text_add(&text, "%.*s, for the ", (int)(rest - proof), proof);
-    if (names.plant != NULL) {
-        APP_FREE char *of = name_file(self, names.plant);
-        lg_text_add(&text, "plant %s and the controller of kind %s of %s%s", of, of_kind, own,
-                    chosen ? " with gains that were chosen" : "");
-    } else {
-        lg_text_add(&text, "plant and the controller of kind %s in %s", of_kind, own);
-    }
-    lg_text_add(&text, ":%s%s Inputs stay in their limits.", proof[0] == 'N' ? " that" : "", rest + 1);
-    if (values.loop) control_add_continuous(&text, names.task->period);
-    for (uint32_t i = 0; i < names.task->coordinate_count; i++) {
-        const lg_policy_coordinate *c = &names.task->coordinate[i];
-        const bool oldest =
-            i + 1 == names.task->coordinate_count || names.task->coordinate[i + 1].ago <= c->ago;
-        if (c->ago > 0 && oldest)
-            lg_text_add(
-                &text,
-                " The input %s acts %u period%s late; the set also holds past inputs beyond the limits.",
-                names.task->input[c->follows - 1].name, c->ago, c->ago > 1 ? "s" : "");
-    }
-    lg_text_add(
-        &text,
-        "%s Not covered: disturbances, noise of sensors, what the key robust adds, and the rounding of %s.",
-        more, rounded ? "their numbers" : "the controller (2^-53 of its numbers, of an export in f32 2^-24)");
-    return text.data;
-}
-
-static char *name_all(naming names) {
-    lg_text text = app_text();
-    lg_text_add(&text, " The box is of ");
-    for (size_t i = 0; i < names.n; i++) lg_text_add(&text, "%s%s", i > 0 ? ", " : "", name_of(names, i));
-    lg_text_add(&text, ", counted from the goal.");
-    return text.data;
-}
-
 /* ---- proofs ---- */
 
-static verdict prove_slope(const app *self, lg_policy *policy, lg_certify_energy_result *r) {
+static control_proof prove_slope(const app *self, lg_policy *policy, lg_certify_energy_result *r) {
     lg_certify_energy_spec spec;
     lg_policy_slope loop;
     APP_MUST(self, lg_policy_add_slope(policy, &loop, &error));
@@ -393,18 +198,18 @@ static verdict prove_slope(const app *self, lg_policy *policy, lg_certify_energy
     spec.program = lg_policy_program(policy), spec.slope = "slope";
     spec.damping = loop.damping, spec.gain = loop.gain, spec.saturated = loop.saturated;
     APP_DO(self, lg_certify_energy, &spec, r);
-    return (verdict){.r = {.verified = r->verified,
-                           .boxes = r->boxes,
-                           .claim = r->claim,
-                           .reason = r->reason,
-                           .failed_low = &r->failed_low,
-                           .failed_high = &r->failed_high},
-                     .global = true,
-                     .margin = r->margin,
-                     .sides = 1};
+    return (control_proof){.r = {.verified = r->verified,
+                                 .boxes = r->boxes,
+                                 .claim = r->claim,
+                                 .reason = r->reason,
+                                 .failed_low = &r->failed_low,
+                                 .failed_high = &r->failed_high},
+                           .global = true,
+                           .margin = r->margin,
+                           .sides = 1};
 }
 
-static verdict prove_turn(const app *self, const lg_policy *policy, lg_certify_rotation_result *r) {
+static control_proof prove_turn(const app *self, const lg_policy *policy, lg_certify_rotation_result *r) {
     lg_certify_rotation_spec spec;
     lg_policy_turn loop;
     APP_MUST(self, lg_policy_find_turn(policy, &loop, &error));
@@ -415,35 +220,36 @@ static verdict prove_turn(const app *self, const lg_policy *policy, lg_certify_r
     memcpy(spec.gains, loop.gains, sizeof spec.gains);
     memcpy(spec.limit, loop.limit, sizeof spec.limit);
     APP_MUST(self, lg_certify_rotation(&spec, r, &error));
-    return (verdict){
+    return (control_proof){
         .r = {.verified = r->verified, .level = r->level, .claim = r->claim, .reason = r->reason},
+        .turns = true,
         .margin = r->angle};
 }
 
 /* Proves convergence by the energy, for a plant with one coordinate. */
-static void prove_energy(app *self, lg_policy *policy, naming names) {
+static void prove_energy(app *self, lg_policy *policy, control_naming names) {
     static const char *const compared[] = {
         "mass, the damping and the map of the input are constant was compared at several states",
         "inertia, the damping and the map of the inputs are constant was compared at several rotations"};
     const bool turns = names.task->coordinate[0].motion == LG_POLICY_ROTATION;
     lg_certify_energy_result slope;
     lg_certify_rotation_result turn;
-    double low[STATES], high[STATES];
+    double low[CONTROL_STATES], high[CONTROL_STATES];
     const double start = app_seconds();
     if (turns && values.box != NULL)
         app_stop_usage(self, "--box: the energy on rotations has its own set: {V < level}");
     read_box(self, names, low, high); /* only its names are checked: the proof is for every state */
-    verdict v = turns ? prove_turn(self, policy, &turn) : prove_slope(self, policy, &slope);
+    control_proof v = turns ? prove_turn(self, policy, &turn) : prove_slope(self, policy, &slope);
     APP_FREE char *more = app_format(" That the %s, it was not proved.", compared[turns]);
-    APP_FREE char *claim = tell_claim(self, names, false, false, v.r.claim, more);
+    APP_FREE char *claim = control_claim(self, names, values.loop, false, false, v.r.claim, more);
     v.r.claim = claim;
     v.r.converges = v.r.verified;
     v.r.seconds = app_seconds() - start;
-    tell(self, names, &v);
+    control_tell_proof(self, names, &v);
 }
 
 /* Whether a plant that is a program has this function of its state x; the goal must be 0, so that z = x. */
-static bool has_function(const app *self, const lg_program *program, naming names, const char *name) {
+static bool has_function(const app *self, const lg_program *program, control_naming names, const char *name) {
     size_t number;
     if (names.n != names.task->coordinate_count || names.n != names.positions ||
         lg_program_find(program, name, &number, NULL) != LG_OK)
@@ -456,7 +262,8 @@ static bool has_function(const app *self, const lg_program *program, naming name
 }
 
 /* Where no polynomial falls in all of the box, the box is made smaller. */
-static void add_polynomial(const app *self, lg_program *program, naming names, double *low, double *high) {
+static void add_polynomial(const app *self, lg_program *program, control_naming names, double *low,
+                           double *high) {
     static const double smaller = 0.9, least = 0.2;
     lg_lyapunov_spec spec;
     lg_error error = {LG_OK, ""};
@@ -479,13 +286,14 @@ static void add_polynomial(const app *self, lg_program *program, naming names, d
 
 /* What is to be proved. */
 typedef struct wanted {
-    double low[STATES], high[STATES], error[STATES], P[STATES * STATES], gains[LG_POLICY_GAINS];
+    double low[CONTROL_STATES], high[CONTROL_STATES], error[CONTROL_STATES],
+        P[CONTROL_STATES * CONTROL_STATES], gains[LG_POLICY_GAINS];
     bool chosen;       /* the gains */
     double level, eps; /* 0: found */
 } wanted;
 
 /* Sizes of states: sides of the box; where it has none, the farthest start, or half the range of an input. */
-static void find_scale(const app *self, naming names, const wanted *what, double *scale) {
+static void find_scale(const app *self, control_naming names, const wanted *what, double *scale) {
     for (size_t i = 0; i < names.n; i++) {
         const lg_policy_coordinate *c = names.of[i];
         const double *start = i < names.positions ? c->start : c->start_velocity;
@@ -496,20 +304,20 @@ static void find_scale(const app *self, naming names, const wanted *what, double
         }
         if (!(scale[i] > 0))
             app_stop_usage(self, "--box: %s has no bound, and all starts have it at the goal: give a bound",
-                           name_of(names, i));
+                           control_name_of(names, i));
     }
 }
 
 /* V of a proof that cannot succeed: it finds a state where V does not fall. */
-static void take_squares(naming names, const double *scale, wanted *what) {
+static void take_squares(control_naming names, const double *scale, wanted *what) {
     for (size_t i = 0; i < names.n * names.n; i++) what->P[i] = 0;
     for (size_t i = 0; i < names.n; i++) what->P[i * (names.n + 1)] = 1 / (scale[i] * scale[i]);
     if (what->level == 0) what->level = 0.99;
     if (what->eps == 0) what->eps = 1e-3 * what->level;
 }
 
-static void search_form(app *self, const lg_policy *policy, naming names, wanted *what) {
-    double scale[STATES];
+static void search_form(app *self, const lg_policy *policy, control_naming names, wanted *what) {
+    double scale[CONTROL_STATES];
     lg_lyapunov_search search;
     lg_error error = {LG_OK, ""};
     find_scale(self, names, what, scale);
@@ -524,7 +332,7 @@ static void search_form(app *self, const lg_policy *policy, naming names, wanted
     const lg_status status = lg_lyapunov_quadratic(self->context, lg_policy_program(policy), &search, what->P,
                                                    what->gains, NULL, &error);
     for (size_t i = 0; i < names.task->input_count * names.n && what->chosen; i++)
-        what->gains[i] = six_digits(what->gains[i]); /* what is printed is what is proved */
+        what->gains[i] = control_six_digits(what->gains[i]); /* what is printed is what is proved */
     if (status != LG_CHECK_FAILED || what->chosen) {
         app_must(self, status, &error);
         return;
@@ -578,12 +386,14 @@ static char *tell_gate(const lg_policy *policy, const double *P, double level) {
         return app_format("%s", "");
     return app_format(" In the set the network's gate leaves at least %g %% of the input to the regulator "
                       "(its own V is at most %g of the level where the gate is half open).",
-                      rounded_down(100 / (1 + exp(4.5 * (ratio - 1)))), -rounded_down(-ratio));
+                      control_rounded_down(100 / (1 + exp(4.5 * (ratio - 1)))),
+                      -control_rounded_down(-ratio));
 }
 
 /* Fills what is to be proved. Returns a policy with the gains that were chosen, which the caller owns, or
  * NULL. */
-static lg_policy *prepare(app *self, lg_policy *given, naming names, wanted *what, lg_program **program) {
+static lg_policy *prepare(app *self, lg_policy *given, control_naming names, wanted *what,
+                          lg_program **program) {
     what->level = read_level(self, "level", values.level);
     what->eps = read_level(self, "eps", values.eps);
     read_box(self, names, what->low, what->high);
@@ -623,7 +433,7 @@ static lg_certify *begin_proof(const app *self, const lg_program *program, doubl
     return certify;
 }
 
-static void write_certificate(const app *self, naming names, lg_certify_spec *spec,
+static void write_certificate(const app *self, control_naming names, lg_certify_spec *spec,
                               const lg_certify_result *proved) {
     const char *own = self->arguments[0];
     lg_certificate file;
@@ -634,7 +444,7 @@ static void write_certificate(const app *self, naming names, lg_certify_spec *sp
     }
     APP_DO(self, lg_certificate_make, spec, proved, INFINITY, &file);
     for (size_t i = 0; i < file.states; i++)
-        (void)lg_format(file.names[i], sizeof file.names[i], "%s", name_of(names, i));
+        (void)lg_format(file.names[i], sizeof file.names[i], "%s", control_name_of(names, i));
     (void)lg_format(file.plant, sizeof file.plant, "%s",
                     app_name_of(names.plant != NULL ? names.plant : own));
     (void)lg_format(file.controller, sizeof file.controller, "%s", app_name_of(own));
@@ -642,15 +452,7 @@ static void write_certificate(const app *self, naming names, lg_certify_spec *sp
     lg_certificate_destroy(&file);
 }
 
-bool control_has_states(const lg_policy *policy, const lg_certificate *file) {
-    const naming names = name_states(lg_policy_task_of(policy));
-    bool has = names.n == file->states;
-    for (size_t i = 0; has && i < names.n; i++)
-        has = strncmp(name_of(names, i), file->names[i], LG_CERTIFICATE_NAME - 1) == 0;
-    return has;
-}
-
-static void prove(app *self, lg_policy *given, naming names) {
+static void prove(app *self, lg_policy *given, control_naming names) {
     wanted what = {.chosen = false};
     lg_program *program = NULL;
     lg_certify_result r;
@@ -660,18 +462,18 @@ static void prove(app *self, lg_policy *given, naming names) {
     lg_certify *certify = begin_proof(self, program, names.task->period, &what, &spec);
     const double left = values.seconds - (app_seconds() - start);
     APP_MUST(self, lg_certify_run(certify, SIZE_MAX, fmax(left, 0), &r, &error));
-    verdict v = {.r = r,
-                 .sides = names.n,
-                 .P = values.lyapunov == QUADRATIC ? what.P : NULL,
-                 .gains = what.chosen ? what.gains : NULL};
+    control_proof v = {.r = r,
+                       .sides = names.n,
+                       .P = values.lyapunov == QUADRATIC ? what.P : NULL,
+                       .gains = what.chosen ? what.gains : NULL};
     const bool rounded = spec.unit > 0 && isfinite(r.input_error);
     if (spec.unit > 0 && !rounded)
         app_warn(self, "the rounding of the controller has no bound, because it may decide a jump, or leave "
                        "the domain of an operation: the proof is about exact arithmetic");
-    APP_FREE char *all = name_all(names);
+    APP_FREE char *all = control_box_of(names);
     APP_FREE char *gate = tell_gate(given, v.P, r.level);
     APP_FREE char *more = app_format("%s%s", all, gate);
-    APP_FREE char *claim = tell_claim(self, names, what.chosen, rounded, r.claim, more);
+    APP_FREE char *claim = control_claim(self, names, values.loop, what.chosen, rounded, r.claim, more);
     APP_FREE char *late =
         app_format("neither proved nor refuted in %.3g s; --seconds allows more", values.seconds);
     v.r.claim = claim;
@@ -679,7 +481,7 @@ static void prove(app *self, lg_policy *given, naming names) {
     v.r.input_error = rounded ? r.input_error : 0;
     v.r.seconds = app_seconds() - start;
     if (values.certificate != NULL && r.verified) write_certificate(self, names, &spec, &r);
-    tell(self, names, &v);
+    control_tell_proof(self, names, &v);
     lg_certify_destroy(certify);
     lg_policy_destroy(own);
 }
@@ -688,7 +490,7 @@ static void run(app *self) {
     check_options(self);
     APP_FREE char *source = NULL;
     lg_policy *policy = control_read_policy(self, self->arguments[0], NULL, 0, &source);
-    naming names = name_states(lg_policy_task_of(policy));
+    control_naming names = control_name_states(lg_policy_task_of(policy));
     names.plant = source;
     check_delays(self, names.task);
     (values.lyapunov == ENERGY ? prove_energy : prove)(self, policy, names);

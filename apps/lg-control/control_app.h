@@ -52,9 +52,10 @@ void control_draw_error(const app *self, lg_policy *policy, const char *plant, b
 lg_policy *control_read_policy(const app *self, const char *path, const double *gains, size_t count,
                                char **source);
 
-/* Says that a claim is about continuous inputs, of a loop whose inputs are held for `period` (certify.c). */
+/* Says that a claim is about continuous inputs, of a loop whose inputs are held for `period`
+ * (certify_report.c). */
 void control_add_continuous(lg_text *claim, double period);
-/* Whether the states of the certificate have the names of the policy's states (certify.c). */
+/* Whether the states of the certificate have the names of the policy's states (certify_report.c). */
 bool control_has_states(const lg_policy *policy, const lg_certificate *file);
 
 /* Prints and writes, as `robustness`, the success of a policy if a number of its machine changes by a factor

@@ -286,7 +286,8 @@ typedef struct lg_fit_options {
      * Default 0: no limit. */
     double seconds;
     /* true: where `seconds` end the epochs early, the cosine of the schedule ends with them. Its place is the
-     * larger one of the share of the epochs and the share of the seconds. Default false. */
+     * larger one of the share of the epochs and the share of the seconds. The rates then depend on time, and
+     * so do the parameters. Default false. */
     bool hurry;
     size_t max_tape_size;      /* limit in bytes on the tape of each shard; default 0: no limit */
     uint64_t checkpoint_every; /* `checkpoint` is called each time after this many epochs; default 0: never */
@@ -391,8 +392,8 @@ LG_API size_t lg_fit_tape_size(const lg_fit *fit);
 
 /* The loss of all samples but the validation part, as one batch, in double precision,
  * recorded for problem->chunk samples at a time. Of the problem only parameters, samples, validation, chunk,
- * loss, user and, without a loss, residuals are read. Errors: the status of the callback or of the tape, with
- * its sentence. */
+ * loss, user and, without a loss, residuals are read. Errors: LG_INVALID_ARGUMENT (neither loss nor
+ * residuals), the status of the callback or of the tape, with its sentence. */
 LG_API lg_status lg_fit_problem_loss(const lg_context *context, const lg_fit_problem *problem,
                                      const double *theta, double *loss, lg_error *error);
 

@@ -20,7 +20,7 @@ typedef struct search {
     lg_minimiser **minimiser;                              /* (rows) */
     double *z, *x, *policy_cost, *unit, *best, *by, *kept; /* (starts); by, kept: how and y of the best */
     double *guess, *how;                                   /* (rows): y and how of a run */
-    double *y, *slope;                                     /* (steps, rows): y and dJ/dy */
+    double *y, *slope;                                     /* (steps, rows, inputs): y of all runs, dJ/dy */
     double *total, *own;                                   /* (rows); own: y or slope of one row */
     double end;                                            /* wall-clock time at which the search stops */
 } search;

@@ -341,7 +341,8 @@ static const lg_policy_function rows[] = {
     {"disturbed", record_disturbed, {"s", "weights", "noise", "late"}, {"next", "cost", "u"}},
     {"disturbed_end", record_disturbed_end, {"s"}, {"cost"}}};
 
-/* By the state and what comes next to it, weights or y; of the next state and the cost. */
+/* Adds the adjoint of a function: with respect to its first two inputs (the state, and the weights or y), for
+ * its outputs next state and cost. */
 static lg_status add_adjoint(const lg_policy *p, const char *function, lg_error *error) {
     size_t number, ins, outs;
     lg_derivative what;

@@ -1,5 +1,5 @@
-/* Policies: runs of a piece of starts, and the gradient of their cost. All states are kept, and the adjoint
- * of a period goes back over them: lambda_k = dJ/ds_k. */
+/* Policies: runs of a piece of starts, and the gradient of their cost by the adjoint method. All states are
+ * kept; the periods are then passed backwards with lambda_k = dJ/ds_k. */
 #include "control/policy_rollout.h"
 
 #include <math.h>
@@ -48,7 +48,7 @@ static size_t width(const lg_policy_rollout *r) {
     return r->dtype == LG_F64 ? sizeof(double) : sizeof(float);
 }
 
-/* Numbers of given[i], of all periods. */
+/* Number of values of given[i] in all periods. */
 static size_t given(const lg_policy_rollout *r, size_t i) {
     return r->given[i] * (r->varies[i] ? r->most : 1);
 }
@@ -92,7 +92,7 @@ void lg_policy_piece_at(const lg_policy_rollout *r, char *memory, uint64_t numbe
     out->steps = r->most;
 }
 
-/* Before a disturbed run, the input that holds the goal has acted. */
+/* The input before a disturbed run is the one that holds the goal. */
 void lg_policy_begin_runs(const lg_policy_rollout *r, const double *x, size_t count, uint64_t seed,
                           uint64_t number, lg_policy_piece *w) {
     const lg_policy *p = r->policy;
@@ -106,7 +106,7 @@ void lg_policy_begin_runs(const lg_policy_rollout *r, const double *x, size_t co
             lg_policy_draw_noise(p, seed, number, w->steps, r->dtype, w->given[i], w->given[i + 1]);
 }
 
-/* What period k takes; returns how many arrays. */
+/* Lists the input arrays of period k, and returns their number. */
 static size_t take(const lg_policy_rollout *r, const lg_policy_piece *w, size_t k, const void **in) {
     size_t n = 0;
     in[n++] = w->path + k * r->rows * r->state * width(r);
@@ -149,8 +149,8 @@ static void find_spread(const lg_policy_rollout *r, lg_policy_piece *w) {
     }
 }
 
-/* Shortens the lambda of each run to `bound` times the weight of the run, in the norm |(lambda_i s_i)_i|, s
- * the spread of the states. A lambda that is not finite becomes 0. */
+/* Shortens the lambda of each run to at most `bound` times the weight of the run, in the norm
+ * |(lambda_i s_i)_i|, where s is the spread of the states. A lambda that is not finite becomes 0. */
 static void shorten(const lg_policy_rollout *r, const lg_policy_piece *w, double bound, char *lambda) {
     const size_t n = r->state;
     for (size_t row = 0; row < r->rows; row++) {

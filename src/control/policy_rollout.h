@@ -5,7 +5,7 @@
 #include "control/policy.h"
 #include "core/numbers.h"
 
-/* Functions whose plans a rollout has. */
+/* The functions whose plans a rollout has. A piece is a block of `rows` runs. */
 enum {
     LG_POLICY_STEP, /* (state, given...) -> next, cost, u */
     LG_POLICY_END,  /* (state) -> cost */
@@ -18,17 +18,19 @@ enum { LG_POLICY_GIVEN = 3 };
 /* The caller sets the members before `disturbed`. */
 typedef struct lg_policy_rollout {
     const lg_policy *policy;
-    lg_dtype dtype;    /* of all arrays of a piece, but for doubles */
-    size_t rows, most; /* runs of a piece, periods of a run at most */
-    bool disturbed;    /* the state of a run is s, not x, and the policy's draws run in turn */
-    /* How many numbers a period takes besides the state; those that vary are others in each period. */
+    lg_dtype dtype;    /* type of the arrays of a piece that are declared as char */
+    size_t rows, most; /* number of runs in a piece; largest number of periods of a run */
+    /* true: the runs have disturbances. Their state is s = (x, the inputs before), and piece k has draw k of
+     * the policy, modulo the number of draws. */
+    bool disturbed;
+    /* Number of values of each further input of a period; whether they differ from period to period. */
     size_t given[LG_POLICY_GIVEN];
     bool varies[LG_POLICY_GIVEN];
     lg_policy_plans plans;
-    size_t state, bytes; /* numbers in the state of a run; memory of a piece */
+    size_t state, bytes; /* number of values in the state of a run; bytes of a piece */
 } lg_policy_rollout;
-/* `functions` of the policy's program, in the order above, or others instead of those behind the step. On
- * failure too, lg_policy_plans_destroy must be called for r->plans. */
+/* Makes the plans of these functions of the policy's program: the step, then those of the order above, or
+ * other functions. lg_policy_plans_destroy must be called for r->plans, after a failure too. */
 lg_status lg_policy_rollout_create(lg_policy_rollout *r, const char *const *functions, size_t count,
                                    lg_error *error);
 
@@ -36,29 +38,29 @@ typedef struct lg_policy_piece {
     char *path, *cost,
         *u; /* (most + 1, rows, state), (most + 1, rows), (most, rows, inputs) without adjoints */
     char *given[LG_POLICY_GIVEN];
-    char *weight, *lambda[2]; /* (rows): of the costs; (rows, state) */
-    char *slope;              /* the derivatives by given[0] */
+    char *weight, *lambda[2]; /* (rows): weights of the costs in the gradient; (rows, state): adjoints */
+    char *slope;              /* derivatives with respect to given[0] */
     double *total, *spread;   /* (rows): costs of the runs; (state): deviations of the states in all runs */
     void *work;
     lg_plan *const *plan;
     size_t steps;
 } lg_policy_piece;
-/* The piece `number` in its memory, with runs of r->most periods. */
+/* Lays out piece `number` in `memory` (r->bytes). Its runs have r->most periods. */
 void lg_policy_piece_at(const lg_policy_rollout *r, char *memory, uint64_t number, lg_policy_piece *out);
-/* Stores starts x (count, policy's state), the first one again in the rows that are left, and of disturbed
- * runs the disturbances of the piece `number`. */
+/* Stores the starts x (count, policy's state). Rows without a start get the first one. For disturbed runs it
+ * also draws the disturbances of piece `number`. */
 void lg_policy_begin_runs(const lg_policy_rollout *r, const double *x, size_t count, uint64_t seed,
                           uint64_t number, lg_policy_piece *w);
-/* Fills path, cost and u from the starts. lg_policy_cost also takes the cost of the ends, and sums. */
+/* Fill path, cost and u from the starts. lg_policy_cost also adds the terminal cost, and fills `total`. */
 void lg_policy_forward(const lg_policy_rollout *r, lg_policy_piece *w);
 void lg_policy_cost(const lg_policy_rollout *r, lg_policy_piece *w);
-/* After lg_policy_cost: fills slope if given[0] varies, and otherwise adds the derivatives to `sum`.
- * `bound`: largest change of a run's cost by a typical change of its state; what goes back through a period
- * of the run is shortened to it. Then the gradient is not exact, but runs whose motion is chaotic do not
- * drown the others. INFINITY: none. */
+/* Call it after lg_policy_cost. It fills `slope` if given[0] varies, and otherwise adds the derivatives to
+ * `sum`. If `bound` is finite, the adjoint lambda of a run is shortened after each period such that a typical
+ * change of the state changes the run's cost by at most `bound`. The gradient is then not exact, but chaotic
+ * runs do not dominate it. */
 void lg_policy_backward(const lg_policy_rollout *r, lg_policy_piece *w, double bound, double *sum);
-/* Runs the piece from its starts and returns the mean cost, where a cost J is cut: C (1 - exp(-J/C)) (C
- * INFINITY: not cut). Adds the derivatives of the mean to `sum`. */
+/* Runs the piece from its starts and returns the mean of the costs. If C is finite, a cost J counts as
+ * C (1 - exp(-J/C)). Adds the derivatives of the mean to `sum`. */
 double lg_policy_gradient(const lg_policy_rollout *r, lg_policy_piece *w, double C, double bound,
                           double *sum);
 

@@ -55,7 +55,7 @@ typedef struct running {
     const lg_policy_trial *trial;
     lg_policy_runs *runs;
     lg_policy_rollout rollout;
-    size_t hold; /* periods at the end that must be inside */
+    size_t hold; /* number of last periods in which a run must stay within the bounds of success */
 } running;
 
 bool lg_policy_at_limit(const lg_policy *p, const double *u) {

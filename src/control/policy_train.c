@@ -10,7 +10,7 @@
 
 enum { ROWS = LG_POLICY_ROWS, VALIDATION = 512, FIXED = 512, LOOKS = 10, MOST_ROUNDS = 4, MOST_SHARDS = 16 };
 enum { RACE, FINISH, POLISH, DONE };
-enum { COMMON = 8 }; /* numbers that a resumed run has in common with the saved one */
+enum { COMMON = 8 }; /* number of values in which a resumed run must agree with the saved one */
 
 /* Streams of random numbers of a seed. */
 enum { STREAM_VALIDATION = 2, STREAM_FIXED = 3, STREAM_STEPS = 16 };
@@ -24,17 +24,17 @@ struct lg_policy_trainer {
     lg_policy_train_options options;
     size_t n; /* parameters */
     uint64_t seeds, common[COMMON];
-    uint64_t phase, round, step; /* round: of FINISH, which is repeated while many runs fail; step: of both */
-    uint64_t leader, racers;     /* racers: seeds that are left */
+    uint64_t phase, round, step; /* round: FINISH is repeated while many runs fail; step: of all rounds */
+    uint64_t leader, racers;     /* the best seed; number of seeds that are still in the race */
     uint64_t *racing;            /* (seeds): 1 for a racer */
     double *theta, *best;        /* (seeds, parameters); (parameters) */
     double *validation;          /* starts (VALIDATION, state) */
     judged of_best;
-    lg_fit *fit; /* of the phase and round; NULL: it has not begun */
+    lg_fit *fit; /* of the present phase and round; NULL: it has not begun */
     lg_policy_rollout rollout;
-    size_t pieces;              /* of runs, of each point */
+    size_t pieces;              /* number of pieces of runs for each point */
     double begun, spent, limit; /* spent, limit: seconds of the phase; limit 0: none */
-    lg_status status;           /* of what is done after a step */
+    lg_status status;           /* of the evaluation after a step */
     lg_error *error;
 };
 typedef struct lg_policy_trainer training;
@@ -61,7 +61,7 @@ static lg_status check_options(const lg_policy_train_options *o, lg_error *error
     return LG_OK;
 }
 
-/* ---- judgements ---- */
+/* ---- evaluation of parameters ---- */
 
 static lg_status draw_starts(const training *t, uint64_t stream, size_t count, double *x, lg_error *error) {
     lg_rng rng;
@@ -105,7 +105,7 @@ static lg_status look(training *t, const double *theta, judged *found) {
     return LG_OK;
 }
 
-/* Judges the racers. The worst ones leave the race, until `stay` are left. */
+/* Evaluates the racers. The worst ones leave the race until `stay` of them remain. */
 static lg_status judge_racers(training *t, uint64_t stay) {
     LG_TRY_SCRATCH(judged, found, t->policy->context, t->seeds, lg_no_memory(t->error));
     for (uint64_t k = 0; k < t->seeds; k++)
@@ -142,9 +142,9 @@ static double clip_of(const training *t) {
     return t->policy->terminal / 8.0;
 }
 
-/* Adds the cost of piece `index` of a point, a mean over all its pieces, and the gradient (parameters). Of
- * L-BFGS all steps have the same starts, and costs are cut. In the race the norm of each point's gradient is
- * bounded. A piece whose gradient is not finite adds nothing to the gradient that Adam takes. */
+/* Adds the part of piece `index` to the mean cost of a point and to its gradient (parameters). All steps of
+ * L-BFGS have the same starts, and their costs are cut. In the race the norm of each point's gradient is
+ * bounded. For Adam a piece whose gradient is not finite adds nothing. */
 static lg_status add_piece(const training *t, uint64_t point, uint64_t index, const double *theta,
                            double *loss, double *gradient) {
     const lg_policy_rollout *r = &t->rollout;
@@ -192,7 +192,7 @@ static uint64_t steps_of(const training *t, uint64_t phase) {
 }
 
 /* After a third and after two thirds of the race the worse half leaves it. In the other phases the policy is
- * judged LOOKS times. */
+ * evaluated LOOKS times. */
 static lg_status judge_step(training *t, uint64_t epoch, double done) {
     const uint64_t stay = done < 1.0 / 3.0 ? t->seeds : (t->seeds + 1) / (done < 2.0 / 3.0 ? 2 : 4),
                    every = steps_of(t, t->phase) / LOOKS + 1;
@@ -202,7 +202,7 @@ static lg_status judge_step(training *t, uint64_t epoch, double done) {
     return t->phase == RACE ? judge_racers(t, stay > 2 ? stay : 2) : look(t, t->theta, &found);
 }
 
-/* Judges and reports after a step. */
+/* Evaluates and reports after a step. */
 static int end_step(void *user, const lg_fit_epoch *epoch) {
     training *t = user;
     const lg_policy_train_options *o = &t->options;
@@ -319,7 +319,8 @@ static lg_status run_phase(training *t) {
 /* A hash of METHOD, the rate of Adam, the validation starts (states of the plant), the bounds of success, the
  * disturbances, the regulator and the terminal cost. It changes with the task, the plant and the version. */
 static uint64_t find_fingerprint(const training *t) {
-    enum { METHOD = 3, EACH = 4 }; /* METHOD 1: Adam took whole runs; 2: short runs; 3: by lg_fit */
+    /* Version of training. 1: Adam on whole runs. 2: Adam on short runs. 3: lg_fit. */
+    enum { METHOD = 3, EACH = 4 };
     const lg_policy *p = t->policy;
     const lg_policy_regulator *r = &p->regulator;
     const size_t n = r->errors, m = r->inputs, coordinates = p->task.coordinate_count;

@@ -36,10 +36,10 @@ typedef struct lg_fit_state {
 
 typedef struct lg_fit_recording lg_fit_recording;
 
-/* What is computed of a batch: its loss; also its gradient; for sums of squares also the Gauss-Newton
- * matrix. */
+/* What is computed for a batch: the loss; the loss and its gradient; for sums of squares also the
+ * Gauss-Newton matrix. */
 typedef enum lg_fit_wanted { LG_FIT_VALUE, LG_FIT_GRADIENT, LG_FIT_SQUARES } lg_fit_wanted;
-/* Pairs of shards of which one is added into the other (lg_fit_for_pairs). LG_PAIRS_HERE: the pairs that this
+/* In each pair of shards one is added to the other (lg_fit_for_pairs). LG_PAIRS_HERE: the pairs that this
  * rank adds alone, before the exchange. LG_PAIRS_REST: the pairs that every rank adds after it; without
  * ranks, all pairs. */
 typedef enum lg_pairs { LG_PAIRS_HERE, LG_PAIRS_REST } lg_pairs;
@@ -86,16 +86,16 @@ struct lg_fit {
     lg_ranks counted;
     const lg_ranks *given;
     lg_fit_cost cost;
-    /* The current batch: shards in use, samples, what is wanted of it. Then the data of the step. */
+    /* The current batch: shards in use, samples, what is computed for it. Then the data of the step. */
     size_t active, batch_samples;
     lg_fit_wanted wanted;
-    lg_pairs pairs;                       /* what is added up now */
+    lg_pairs pairs;                       /* the pairs that are added now */
     const struct lg_fit_batches_row *row; /* the method of this step */
     double clip, rate;
     /* number of blocks of LG_FIT_BLOCK parameters, by which gradients are summed and steps are taken */
     size_t blocks;
-    /* (blocks): squared norm of the block's part of the gradient; NaN after a step that gave a value in the
-     * block that is not finite */
+    /* (blocks): squared norm of the block's part of the gradient; NaN if the step made a parameter of the
+     * block infinite or NaN */
     double *partial;
     double largest;  /* norm of all parameters at the start of the epoch; no parameter is larger */
     bool careful;    /* this step might overflow: keep a backup and check the result */
@@ -112,9 +112,9 @@ size_t lg_fit_pieces(size_t samples, size_t parameters, size_t chunk);
 lg_status lg_fit_state_create(const lg_fit *fit, lg_fit_state *out);
 void lg_fit_state_destroy(const lg_fit *fit, lg_fit_state *state);
 
-/* Loss of a batch at fit->point, summed over the shards in order; the shards get contiguous pieces of the
- * batch, and have their gradients and matrices if these are wanted. The sentence of an error begins with
- * `what`. */
+/* Computes the loss of a batch at fit->point. Each shard gets a contiguous piece of the batch; their losses
+ * are added in order. The shards then also have the gradients or matrices that `wanted` names. Error messages
+ * begin with `what`. */
 lg_status lg_fit_batch_loss(lg_fit *fit, const uint32_t *samples, size_t count, lg_fit_wanted wanted,
                             const char *what, double *loss, lg_error *error);
 /* Finds out whether a plan can compute the loss of the first chunk. If not, the tape computes all losses. */
@@ -140,8 +140,8 @@ size_t lg_fit_recordings_size(const lg_shard *shard, size_t *plans); /* bytes; n
 /* Loss, gradient and Gauss-Newton matrix of all training samples, from the residuals. Gradient and matrix are
  * in the first shard. */
 lg_status lg_fit_squares(lg_fit *fit, const char *what, double *value, lg_error *error);
-/* Adds |r|^2, J^T r and J^T J of `count` samples to the shard's loss, gradient and matrix. Those of the first
- * chunk of a shard become them. */
+/* Adds |r|^2, J^T r and J^T J of `count` samples to the shard's loss, gradient and matrix. The first chunk
+ * of a shard overwrites them. */
 lg_status lg_fit_add_squares(const lg_fit *fit, lg_shard *shard, const uint32_t *samples, size_t count);
 /* Adds `decay` and problem.decay to the matrix's diagonal, and `prior` to its first `weights` elements. */
 void lg_fit_add_diagonal(lg_fit *fit, size_t weights, double prior, double decay);

@@ -285,6 +285,8 @@ lg_status lg_fit_problem_loss(const lg_context *context, const lg_fit_problem *p
                               double *loss, lg_error *error) {
     LG_NEEDS(error, problem, loss);
     if (problem->parameters > 0) LG_NEEDS(error, theta);
+    if (problem->loss == NULL && problem->residuals == NULL)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has neither a loss function nor residuals");
     const size_t chunk = problem->chunk > 0 ? problem->chunk : LG_FIT_CHUNK;
     LG_SCRATCH(uint32_t, samples, context, chunk);
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;

@@ -180,7 +180,7 @@ const double *lg_minimise_pairs_diagonal(const lg_minimiser *m, const double *pa
  * on the number of ranks, and a rank gets whole blocks. A block has as many rows as a kernel takes at once,
  * or all rows if n is smaller. */
 void lg_minimise_rows(uint32_t rank, uint32_t ranks, size_t n, size_t *first, size_t *end);
-/* Sets m->bytes to what the ranks send if each sends `numbers` doubles per row of its own. */
+/* Sets m->bytes to the size of the message of each rank, which has `numbers` doubles for each of its rows. */
 void lg_minimise_count_bytes(lg_minimiser *m, size_t numbers);
 /* Fills x (n) with the elements that the other ranks have computed: each rank has the elements of its rows.
  * Collective. */

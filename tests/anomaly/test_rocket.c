@@ -248,7 +248,7 @@ TEST("a window whose scaled samples overflow has no features, neither in a plan 
     lg_program_destroy(program);
 }
 
-TEST("a table of convolutions that is missing, cut off or does not fit is refused") {
+TEST("a table of convolutions that is missing, cut off or does not fit is rejected") {
     const lg_shape x = lg_shape3(1, 2, 9), each = lg_shape1(2), bias = lg_shape1(3);
     const lg_shape *in[] = {&x, &each, &each, &bias};
     uint32_t table[13];

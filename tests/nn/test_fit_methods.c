@@ -425,6 +425,8 @@ TEST("without a loss function the loss is the sum of the squares of the residual
     assert_ok(lg_fit_problem_loss(NULL, &problem, theta, &given, NULL));
     problem.loss = NULL;
     assert_ok(lg_fit_problem_loss(NULL, &problem, theta, &derived, NULL));
+    problem.residuals = NULL;
+    assert_status(lg_fit_problem_loss(NULL, &problem, theta, &derived, NULL), LG_INVALID_ARGUMENT);
     assert_close(derived, given, 1e-13, 0);
 }
 

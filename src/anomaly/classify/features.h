@@ -30,7 +30,7 @@ typedef struct lg_feature_row {
     const char *part[4];
     uint32_t parts;
     uint64_t (*count)(const lg_features *f); /* of features; NULL: `parts` for each channel */
-    bool exact; /* features are samples, or as exact: what single precision leaves out of means counts */
+    bool exact; /* features are samples or as exact, so the rounding of their means to floats matters */
     bool rated; /* features depend on the sampling rate, which files then store */
     /* Records the features (B, d) of windows x (B, channels, length). eps: the relative distance of
      * neighbouring numbers. */

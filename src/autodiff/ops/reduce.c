@@ -280,7 +280,7 @@ lg_var lg_mean_axis(lg_tape *tape, lg_var x, int axis, bool keep) {
 
 /* ---- maximum ---- */
 
-/* The middle axis as the only window of each of `outer` series, of `inner` channels. */
+/* The middle axis is the only window of each of `outer` series with `inner` channels. */
 static lg_k_windows window_of(const lg_attr *attr) {
     const uint32_t *size = attr->i;
     return (lg_k_windows){

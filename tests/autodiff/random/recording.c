@@ -165,7 +165,8 @@ static const void *turned_payload(lg_tape *tape, const piece *p, uint32_t varian
     return turned;
 }
 
-/* Whether the shape rule of the operation accepts such a payload: the numbers of a table have an order. */
+/* Whether the shape rule of the operation accepts this payload. A table whose numbers were turned may be
+ * invalid, because their order matters. */
 static bool accepts(const piece *p, lg_attr attr, const void *payload) {
     const lg_shape *shapes[MOST_OPERANDS];
     lg_shape out = p->out;
