@@ -176,7 +176,7 @@ static lg_status find_expected(const lg_training *self, const double *theta, lg_
         if (!(s->noise.position[i] > 0.0)) what->tolerated += small * small * expected.change.position[i];
         if (!(s->noise.velocity[i] > 0.0)) what->tolerated += small * small * expected.change.velocity[i];
     }
-    what->expected = what->tolerated + fmin(self->floor, what->tolerated);
+    what->expected = what->tolerated + fmin(expected.steps, what->tolerated);
     return LG_OK;
 }
 
