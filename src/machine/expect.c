@@ -99,74 +99,50 @@ static lg_status taken(expecting *e, double *values, double *out) {
 /* ---- changes of the velocities ---- */
 
 /* Adds for each coordinate the squares, in units of the loss, of its velocities (or accelerations) minus
- * `mean` and of the displacements that the velocities make from the start of one window. `run` holds the
- * displacements. */
-static void add_change(const lg_machine_problem *problem, const double *mean, size_t start, double *run,
-                       double factor, lg_machine_noise *out) {
-    const lg_machine *machine = problem->machine;
-    double q[LG_MACHINE_POSITIONS], v[2][LG_MACHINE_VELOCITIES], there[LG_MACHINE_VELOCITIES];
-    memset(run, 0, machine->velocities * sizeof *run);
-    for (uint32_t j = 0; j < problem->window; j++) {
-        const size_t row = start + j;
-        double *now = v[j % 2], *before = v[1 - j % 2];
-        lg_machine_shown_row(machine, &problem->log, row, q, now);
-        lg_machine_weigh_row(problem, row, 1.0, q, there);
-        for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
-            for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++) {
-                now[k] = (now[k] - mean[k]) * lg_machine_shown_unit(machine, k);
-                if (j > 0 && !machine->accelerations)
-                    run[k] += 0.5 * (now[k] + before[k]) * (problem->log.t[row] - problem->log.t[row - 1]);
-                const double speed = there[k] != 0.0 ? now[k] / problem->velocity_scale[at.index] : 0.0,
-                             way = run[k] / problem->position_scale[at.index];
-                out->velocity[at.index] += factor * speed * speed;
-                out->position[at.index] += factor * way * way;
-            }
-        }
-    }
-}
-
+ * those of the start, or their mean where starts are estimated, and of the displacements that they make. */
 static void add_changes(const expecting *e, lg_machine_noise *out) {
-    const size_t all = e->of.windows, used = e->of.used;
     const lg_machine_problem *problem = &e->problem;
-    const uint32_t nv = problem->machine->velocities;
-    const double factor = 1.0 / ((double)used * (double)problem->window);
-    double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES], mean[LG_MACHINE_VELOCITIES],
-        run[LG_MACHINE_VELOCITIES];
-    for (size_t w = 0; w < used; w++) {
-        const size_t start = problem->start[lg_spread(w, all, used)];
-        const uint32_t rows = e->measured ? 1 : problem->window;
-        memset(mean, 0, sizeof mean);
-        for (uint32_t j = 0; j < rows; j++) {
-            const size_t row = start + j;
-            lg_machine_shown_row(problem->machine, &problem->log, row, q, v);
-            for (uint32_t k = 0; k < nv; k++) mean[k] += v[k] / rows;
+    const lg_machine *machine = problem->machine;
+    const uint32_t first = e->measured ? 1 : problem->window;
+    const double factor = 1.0 / ((double)e->of.used * (double)problem->window);
+    double q[LG_MACHINE_POSITIONS], v[2][LG_MACHINE_VELOCITIES], there[LG_MACHINE_VELOCITIES];
+    for (size_t w = 0; w < e->of.used; w++) {
+        const size_t start = problem->start[lg_spread(w, e->of.windows, e->of.used)];
+        double mean[LG_MACHINE_VELOCITIES] = {0}, run[LG_MACHINE_VELOCITIES] = {0};
+        for (uint32_t j = 0; j < first; j++) {
+            lg_machine_shown_row(machine, &problem->log, start + j, q, v[0]);
+            for (uint32_t k = 0; k < machine->velocities; k++) mean[k] += v[0][k] / first;
         }
-        add_change(problem, mean, start, run, factor, out);
+        for (size_t row = start; row < start + problem->window; row++) {
+            double *now = v[(row - start) % 2], *before = v[(row - start + 1) % 2];
+            lg_machine_shown_row(machine, &problem->log, row, q, now);
+            lg_machine_weigh_row(problem, row, 1.0, q, there);
+            for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
+                for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++) {
+                    now[k] = (now[k] - mean[k]) * lg_machine_shown_unit(machine, k);
+                    if (row > start && !machine->accelerations)
+                        run[k] +=
+                            0.5 * (now[k] + before[k]) * (problem->log.t[row] - problem->log.t[row - 1]);
+                    if (there[k] != 0.0)
+                        out->velocity[at.index] +=
+                            factor * pow(now[k] / problem->velocity_scale[at.index], 2.0);
+                    out->position[at.index] += factor * pow(run[k] / problem->position_scale[at.index], 2.0);
+                }
+        }
     }
 }
 
 /* ---- the whole loss ---- */
 
 static lg_status expect(expecting *e, double *values, lg_machine_expected *out) {
-    const size_t all = e->of.windows, used = e->of.used, first = e->measured ? 1 : 0;
     /* Turns a mean over points 0 .. M - 1 into a mean over the points that count in the loss. */
-    const double points = (double)e->problem.window / (double)(e->problem.window - first);
+    const double points = (double)e->problem.window / (e->problem.window - (e->measured ? 1.0 : 0.0));
     double lost = 0.0;
-    e->unit = 1.0 / ((double)used * (double)e->problem.window);
+    e->unit = 1.0 / ((double)e->of.used * (double)e->problem.window);
     LG_TRY(lg_machine_gather(&e->of, false));
-    const double before = e->left;
-    /* Too many parameters for their Jacobian: every parameter except network weights is taken to remove as
-     * much as one average residual. */
-    if (e->problem.theta != NULL) {
-        const size_t d = e->rows / e->problem.window;
-        lost = before * (double)(e->problem.machine->parameters - e->problem.machine->weights) /
-               (double)(all * (e->problem.window - first) * d);
-    } else {
-        LG_TRY(taken(e, values, &lost));
-        lost *= (double)used / (double)all;
-    }
-    lost = fmin(lost, 0.5 * before);
-    *out = (lg_machine_expected){.loss = points * (before - lost), .steps = points * fmax(e->b[e->n], 0.0)};
+    LG_TRY(taken(e, values, &lost));
+    lost = fmin(lost * (double)e->of.used / (double)e->of.windows, 0.5 * e->left);
+    *out = (lg_machine_expected){.loss = points * (e->left - lost), .steps = points * fmax(e->b[e->n], 0.0)};
     add_changes(e, &out->change);
     return LG_OK;
 }
@@ -188,8 +164,7 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
     e.J = e.variance + 3 * e.rows;
     e.K = e.J + n * n;
     e.b = e.K + n * n;
-    memcpy(all, theta, given * sizeof *all);
-    if (!measured) memcpy(all + given, theta + given, starts * sizeof *all);
+    memcpy(all, theta, lg_machine_problem_parameters(problem) * sizeof *all);
     e.of = (lg_machine_normal){.context = context,
                                .problem = &e.problem,
                                .theta = many ? all + given : all,

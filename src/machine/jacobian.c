@@ -45,11 +45,9 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
     for (uint32_t i = 0; i < all.seen; i++) {
         const lg_row_axis *a = &all.each[i];
         const bool moves = a->first >= machine->positions;
-        const double *alone = moves      ? a->turns ? noise->rate : noise->speed
-                              : a->turns ? noise->turn
-                                         : noise->place;
-        const double sigma = alone[a->coordinate] != 0.0
-                                 ? alone[a->coordinate]
+        const double turn = (moves ? noise->rate : noise->turn)[a->coordinate],
+                     sigma = a->turns && turn != 0.0
+                                 ? turn
                                  : (moves ? noise->velocity : noise->position)[a->coordinate],
                      scale = (moves ? problem->velocity_scale : problem->position_scale)[a->coordinate],
                      variance = weight[a->first] != 0.0 ? pow(factor / scale * sigma, 2.0) : 0.0,
@@ -72,22 +70,10 @@ typedef struct chunk {
     double *losses, *r, *jacobian; /* of each window; NULL: not wanted */
 } chunk;
 
-/* Passes the open chain, and closes it. */
-static lg_status run_chain(lg_tape *tape, const chunk *of, lg_chain *c) {
-    c->factor = 1.0 / sqrt((double)of->batch * (double)(of->problem->window - lg_chain_first(of->problem)));
-    c->rows = lg_machine_linearised_rows(of->problem);
-    c->losses = of->losses, c->r = of->r, c->jacobian = of->jacobian;
-    const lg_status status = lg_chain_pass_windows(tape, c);
-    if (status == LG_OK && (!of->steps || c->r != NULL)) put_priors(c, of->batch);
-    lg_chain_close(tape, c);
-    return status;
-}
-
 /* Adds the loss of a chunk. The steps' own error is the difference between predictions with the substeps and
- * with twice as many, times 2^p/(2^p - 1) for a scheme of order p. */
+ * with twice as many, times 1/(1 - 2^-p) for a scheme of order p. */
 static lg_status add(lg_tape *tape, const chunk *of, double *sum) {
-    const double power = ldexp(1.0, of->problem->scheme->order),
-                 factor = of->steps ? power / (power - 1.0) : 1.0;
+    const double factor = of->steps ? 1.0 / (1.0 - ldexp(1.0, -of->problem->scheme->order)) : 1.0;
     lg_machine_problem finer = *of->problem;
     lg_chain c, twice = {.memory = NULL};
     finer.substeps *= 2;
@@ -96,7 +82,11 @@ static lg_status add(lg_tape *tape, const chunk *of, double *sum) {
     if (status == LG_OK && of->steps)
         status = lg_chain_open(tape, &finer, of->theta, of->samples, of->first, of->count, false, &twice);
     c.against = of->steps ? &twice : NULL;
-    if (status == LG_OK) status = run_chain(tape, of, &c);
+    c.factor = 1.0 / sqrt((double)of->batch * (double)(finer.window - lg_chain_first(&finer)));
+    c.rows = lg_machine_linearised_rows(&finer);
+    c.losses = of->losses, c.r = of->r, c.jacobian = of->jacobian;
+    if (status == LG_OK) status = lg_chain_pass_windows(tape, &c);
+    if (status == LG_OK && (!of->steps || c.r != NULL)) put_priors(&c, of->batch);
     for (size_t i = 0; of->steps && c.r != NULL && i < c.count * c.rows; i++) c.r[i] *= factor;
     *sum += factor * factor * c.loss;
     lg_chain_close(tape, &twice);
@@ -131,29 +121,14 @@ static lg_status add_all(lg_tape *tape, const lg_machine_problem *problem, const
     return LG_OK;
 }
 
-lg_status lg_machine_window_losses(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
-                                   double *losses) {
-    double all = 0.0;
-    memset(losses, 0, problem->windows * sizeof *losses);
-    return add_all(tape, problem, theta, problem->windows, 1, false, losses, &all);
-}
-
 lg_status lg_machine_losses(const lg_context *context, const lg_machine_problem *problem, const double *theta,
                             double *losses, lg_error *error) {
+    double all = 0.0;
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
-    return lg_tape_conclude(tape, lg_machine_window_losses(tape, problem, theta, losses), error);
-}
-
-static lg_status add_windows(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
-                             double *loss, double *floor) {
-    const size_t all = problem->windows - problem->validation;
-    double sum = 0.0, of_steps = 0.0;
-    LG_TRY(add_all(tape, problem, theta, all, all, false, NULL, &sum));
-    if (floor != NULL) LG_TRY(add_all(tape, problem, theta, all, all, true, NULL, &of_steps));
-    *loss = sum;
-    if (floor != NULL) *floor = of_steps;
-    return LG_OK;
+    memset(losses, 0, problem->windows * sizeof *losses);
+    return lg_tape_conclude(tape, add_all(tape, problem, theta, problem->windows, 1, false, losses, &all),
+                            error);
 }
 
 lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem, const double *theta,
@@ -163,5 +138,13 @@ lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *p
     LG_NEEDS(error, theta);
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
-    return lg_tape_conclude(tape, add_windows(tape, problem, theta, loss, floor), error);
+    const size_t all = problem->windows - problem->validation;
+    double sum = 0.0, of_steps = 0.0;
+    lg_status status = add_all(tape, problem, theta, all, all, false, NULL, &sum);
+    if (status == LG_OK && floor != NULL)
+        status = add_all(tape, problem, theta, all, all, true, NULL, &of_steps);
+    LG_TRY(lg_tape_conclude(tape, status, error));
+    *loss = sum;
+    if (floor != NULL) *floor = of_steps;
+    return LG_OK;
 }

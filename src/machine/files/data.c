@@ -111,8 +111,8 @@ lg_status lg_machine_refuse_momenta(const lg_machine_file *file, const char *pat
 
 /* ---- noise ---- */
 
-/* Root mean square of the noise of columns first .. first + count - 1. Noise given in the machine's file comes
- * first; estimated noise counts if it is `confirmed` or more than `least` of the columns' range. */
+/* Root mean square of the noise of columns first .. first + count - 1. Noise given in the machine's file
+ * comes first; estimated noise counts if it is `confirmed` or more than `least` of the columns' range. */
 static double noise_of(const lg_machine_data *data, uint32_t first, uint32_t count, bool confirmed,
                        double least) {
     double range = 0.0;
@@ -124,7 +124,7 @@ static double noise_of(const lg_machine_data *data, uint32_t first, uint32_t cou
         lg_squares_add(&estimated, found->noise_at_most ? 0.0 : found->noise);
         lg_squares_add(&given, known > 0.0 ? known : NAN);
     }
-    const double noise = estimated.count > 0 ? lg_squares_root(&estimated) : 0.0;
+    const double noise = fmax(lg_squares_root(&estimated), 0.0);
     return given.count > 0 ? lg_squares_root(&given) : confirmed || noise > least * range ? noise : 0.0;
 }
 
@@ -140,17 +140,15 @@ static bool is_confirmed(const lg_machine_data *data, uint32_t coordinate) {
 static void find_noise(const lg_machine_data *data, uint32_t coordinate, bool confirmed, double least,
                        lg_machine_noise *out) {
     const lg_log_coordinate *at = &data->file.coordinates[coordinate];
-    const bool pose = at->velocities == 6;
-    const double place = noise_of(data, at->place, at->places, confirmed, least),
-                 speed = noise_of(data, at->velocity, pose ? 3 : at->velocities, confirmed, least);
+    const uint32_t linear = at->velocities == 6 ? 3 : at->velocities; /* a pose has rates behind them */
     /* The angle is twice the change of a quaternion. */
     out->turn[coordinate] =
         (at->attitudes == 4 ? 2.0 : 1.0) * noise_of(data, at->attitude, at->attitudes, false, least);
-    out->place[coordinate] = at->places == 3 ? place : 0.0;
-    out->position[coordinate] = fmax(place, out->turn[coordinate]);
-    out->speed[coordinate] = pose ? speed : 0.0;
-    out->rate[coordinate] = pose ? noise_of(data, at->velocity + 3, 3, false, least) : 0.0;
-    out->velocity[coordinate] = fmax(speed, out->rate[coordinate]);
+    out->position[coordinate] =
+        fmax(noise_of(data, at->place, at->places, confirmed, least), out->turn[coordinate]);
+    out->rate[coordinate] = noise_of(data, at->velocity + linear, at->velocities - linear, false, least);
+    out->velocity[coordinate] =
+        fmax(noise_of(data, at->velocity, linear, confirmed, least), out->rate[coordinate]);
 }
 
 /* Unconfirmed noise below 2e-4 of a range is ignored: it does not justify estimated starts, and uneven time

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "core/median.h"
+#include "liegrad/geometry.h"
 #include "machine/files/log_table.h"
 
 size_t lg_log_file_end(const lg_log_table *table, size_t first) {
@@ -36,12 +37,10 @@ size_t lg_log_sample(const lg_log_table *table, uint32_t column, size_t first, s
 enum { FIRST_ORDER = 3, LAST_ORDER = 6, FEWEST_WINDOWS = 8 };
 #define WHITE 0.8 /* residuals of white noise stay as large when the order rises */
 
-/* Columns with one noise: the numbers of an attitude, or of the velocity of a direction; else one column.
- * freedom: how many of their components have noise; across: column of the direction that the velocity is
- * across. */
+/* Columns with one noise: one column, the numbers of an attitude, or (3) the velocity of a direction, whose
+ * columns begin at `across` (an attitude: its own). */
 typedef struct columns {
-    uint32_t first, count, freedom, across;
-    double unit; /* of the noise, in units of a component's noise */
+    uint32_t first, count, across;
 } columns;
 
 /* Divided difference of order k over rows row .. row + k, divided by the root of the sum of its squared
@@ -50,8 +49,7 @@ typedef struct columns {
  * the loss does not count. */
 static double residual(const lg_log_table *table, const columns *of, size_t row, int k) {
     double sums[9] = {0}, squares = 0, length = 0, along = 0;
-    const double span = lg_log_time(table, row + (size_t)k) - lg_log_time(table, row),
-                 *q = lg_log_row(table, row + (size_t)k / 2) + of->across;
+    const double span = lg_log_time(table, row + (size_t)k) - lg_log_time(table, row);
     for (int i = 0; i <= k; i++) {
         double below = 1;
         const double t = lg_log_time(table, row + (size_t)i);
@@ -61,7 +59,7 @@ static double residual(const lg_log_table *table, const columns *of, size_t row,
             sums[c] += lg_log_row(table, row + (size_t)i)[of->first + c] / below;
         squares += 1 / (below * below);
     }
-    for (uint32_t c = 0; c < of->count && of->across != of->first; c++) along += sums[c] * q[c];
+    if (of->across != of->first) along = lg_dot3(sums, lg_log_row(table, row + (size_t)k / 2) + of->across);
     for (uint32_t c = 0; c < of->count; c++) length += sums[c] * sums[c];
     return sqrt(fmax(length - along * along, 0) / squares);
 }
@@ -69,8 +67,12 @@ static double residual(const lg_log_table *table, const columns *of, size_t row,
 /* Robust standard deviation of a component of the residuals of order k; NaN: too few rows. `work` has
  * LG_LOG_SAMPLES numbers. */
 static double deviation(const lg_log_table *table, const columns *of, int k, double *work) {
-    /* Medians of the length of 1, 2 and 3 standard normal numbers. */
-    static const double medians[] = {0.6744897501960817, 1.1774100225154747, 1.5381722544550522};
+    /* Medians of the length of 1, 2 and 3 standard normal numbers; times sqrt(2) for a matrix, whose nine
+     * numbers have the squares of three angles twice. */
+    static const double medians[] = {[1] = 0.6744897501960817,
+                                     [3] = 1.1774100225154747,
+                                     [4] = 1.5381722544550522,
+                                     [9] = 2.1753040635163345};
     const size_t stride = table->rows / LG_LOG_SAMPLES + 1;
     size_t count = 0;
     double squares = 0;
@@ -84,9 +86,9 @@ static double deviation(const lg_log_table *table, const columns *of, int k, dou
     }
     if (count < FEWEST_WINDOWS) return NAN;
     qsort(work, count, sizeof *work, lg_compare_doubles);
-    const double median = work[count / 2] / medians[of->freedom - 1];
+    const double median = work[count / 2] / medians[of->count];
     /* In a column of coarsely rounded numbers most residuals are 0. */
-    return of->unit * (median > 0 ? median : sqrt(squares / (double)count / of->freedom));
+    return median > 0 ? median : sqrt(squares / (double)count);
 }
 
 lg_log_steps lg_log_steps_of(const lg_log_table *table, uint32_t column, size_t first, size_t end,
@@ -109,27 +111,23 @@ lg_log_steps lg_log_steps_of(const lg_log_table *table, uint32_t column, size_t 
     return out;
 }
 
-/* Rounding to steps makes an error of step/sqrt(12). In a slow column the error is the same in many rows, and
- * differences do not show it. */
-static double rounding_of(const lg_log_table *table, uint32_t column, double *work) {
-    const lg_log_steps steps = lg_log_steps_of(table, column, 0, table->rows, work);
-    return steps.exact && table->machine->columns[column].role != LG_LOG_INPUT ? steps.least / sqrt(12) : 0;
-}
-
 static void find_noise(const lg_log_table *table, const columns *of, double *work) {
     double noise = deviation(table, of, FIRST_ORDER, work);
-    bool at_most = false;
-    for (int k = FIRST_ORDER + 1; k <= LAST_ORDER; k++) {
+    bool at_most = true;
+    for (int k = FIRST_ORDER + 1; k <= LAST_ORDER && at_most; k++) {
         const double next = deviation(table, of, k, work);
         at_most = next < WHITE * noise;
         noise = fmin(noise, next); /* the last order is nearer to the noise, too: it has less of the motion */
-        if (!at_most) break;
     }
     for (uint32_t c = of->first; c < of->first + of->count; c++) {
         lg_log_statistics *s = &table->out->columns[c];
-        const double rounding = rounding_of(table, c, work);
-        s->noise = rounding > noise ? rounding : noise;
-        s->noise_at_most = at_most && !(rounding > noise);
+        /* Rounding to steps makes an error of step/sqrt(12). In a slow column the error is the same in many
+         * rows, and differences do not show it. */
+        const lg_log_steps steps = lg_log_steps_of(table, c, 0, table->rows, work);
+        const bool rounded = steps.exact && table->machine->columns[c].role != LG_LOG_INPUT;
+        const double rounding = rounded ? steps.least / sqrt(12) : 0;
+        s->noise = noise, s->noise_at_most = at_most;
+        if (rounding > noise) s->noise = rounding, s->noise_at_most = false;
         /* Rounding error is not noise. */
         if (s->noise < 4 * DBL_EPSILON * fmax(fabs(s->low), fabs(s->high))) s->noise = 0;
     }
@@ -138,16 +136,13 @@ static void find_noise(const lg_log_table *table, const columns *of, double *wor
 lg_status lg_log_find_noise(const lg_log_table *table) {
     LG_TRY_SCRATCH(double, work, table->context, LG_LOG_SAMPLES, lg_log_no_memory(table));
     for (uint32_t i = 0; i < table->columns; i++)
-        if (lg_log_is_value(table, i)) find_noise(table, &(columns){i, 1, 1, i, 1}, work);
+        if (lg_log_is_value(table, i)) find_noise(table, &(columns){i, 1, i}, work);
     for (uint32_t i = 0; i < table->machine->machine.coordinate_count; i++) {
         const lg_log_coordinate *at = &table->machine->coordinates[i];
-        const uint32_t a = at->attitude, freedom = at->attitudes == 3 ? 2 : 3;
-        /* The nine numbers of a matrix have the squares of three angles twice. */
-        if (at->attitudes > 0)
-            find_noise(table, &(columns){a, at->attitudes, freedom, a, at->attitudes == 9 ? sqrt(0.5) : 1},
-                       work);
+        const uint32_t a = at->attitude;
+        if (at->attitudes > 0) find_noise(table, &(columns){a, at->attitudes, a}, work);
         if (at->attitudes == 3 && at->velocities == 3)
-            find_noise(table, &(columns){at->velocity, 3, 2, a, 1}, work);
+            find_noise(table, &(columns){at->velocity, 3, a}, work);
     }
     return LG_OK;
 }
