@@ -61,7 +61,8 @@ static double residual(const lg_log_table *table, const columns *of, size_t row,
     }
     if (of->across != of->first) along = lg_dot3(sums, lg_log_row(table, row + (size_t)k / 2) + of->across);
     for (uint32_t c = 0; c < of->count; c++) length += sums[c] * sums[c];
-    return sqrt(fmax(length - along * along, 0) / squares);
+    length -= along * along;
+    return sqrt(length < 0 ? 0 : length / squares); /* NaN stays NaN */
 }
 
 /* Robust standard deviation of a component of the residuals of order k; NaN: too few rows. `work` has
