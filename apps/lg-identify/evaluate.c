@@ -285,9 +285,9 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
     double left;
     for (size_t i = 0; i < LG_COUNT(linear.A); i++) linear.A[i] = NAN;
     APP_DO(self, lg_machine_unexplained, m, &simple.log, linear.A, &left);
-    out->horizon_count = values.horizons.count > 0 ? values.horizons.count : LG_COUNT(usual);
+    out->horizon_count = values.horizons.count ? values.horizons.count : LG_COUNT(usual);
     for (size_t i = 0; i < out->horizon_count; i++) {
-        const double seconds = values.horizons.count > 0 ? values.horizons.values[i] : usual[i];
+        const double seconds = values.horizons.count ? values.horizons.values[i] : usual[i];
         APP_MUST(self, lg_horizon_of(model, run_rival, &linear, log, seconds, values.every, &out->horizons[i],
                                      &error));
         judge_linear(self, &linear, log, seconds, &out->linear[i]);
@@ -377,11 +377,11 @@ static void draw(const app *self, const identify_given *given, const verdict *v)
     for (size_t i = 0; i < v->horizon_count; i++)
         if (v->horizons[i].starts > 0) longest = fmax(longest, v->horizons[i].seconds);
     const double shortest = 2 * logs->dt_median;
-    if (!(longest > shortest)) longest = 10 * shortest;
+    if (longest <= shortest) longest = 10 * shortest;
     for (int i = 0; i < POINTS; i++)
-        APP_MUST(self, lg_machine_horizon(&given->model, &logs->log,
-                                          shortest * pow(longest / shortest, (double)i / (POINTS - 1)), every,
-                                          &curve[i], &error));
+        APP_MUST(self, lg_horizon_of(&given->model, lg_machine_run, &given->model, &logs->log,
+                                     shortest * pow(longest / shortest, (double)i / (POINTS - 1)), every,
+                                     &curve[i], &error));
     app_plot_draw(
         self, 0,
         &(identify_plot){"First run of the log: logged (thick) and predicted from its start (thin); "

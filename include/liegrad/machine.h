@@ -730,7 +730,8 @@ typedef struct lg_log_statistics {
      * them, except for angles. */
     size_t outliers;
     /* Estimated standard deviation of the noise. For positions and velocities in coarse steps at least
-     * step/sqrt(12). NaN: too few rows. */
+     * step/sqrt(12). NaN: too few rows. All columns of an attitude have one number: the noise of its angles,
+     * half of it for a quaternion. So has the velocity of a direction: the noise of omega across it. */
     double noise;
     bool noise_at_most; /* The column is smooth: `noise` is only an upper bound. */
 } lg_log_statistics;

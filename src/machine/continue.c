@@ -104,7 +104,7 @@ static lg_status go(walk *x, bool backwards, size_t *kept) {
     memcpy(x->trial, x->theta, x->parameters * sizeof *x->trial);
     for (size_t first = 0; first < x->problem->windows; first += LG_FIT_CHUNK)
         LG_TRY(follow(x, first, backwards));
-    LG_TRY(lg_machine_window_losses(x->tape, x->problem, x->trial, x->found));
+    LG_TRY(lg_machine_losses(x->context, x->problem, x->trial, x->found, NULL));
     *kept = keep_better(x);
     return LG_OK;
 }
@@ -112,7 +112,7 @@ static lg_status go(walk *x, bool backwards, size_t *kept) {
 static lg_status go_along(walk *x) {
     enum { ROUNDS = 20 };
     const bool both = x->problem->machine->lags == 0 && x->problem->machine->bristles == 0;
-    LG_TRY(lg_machine_window_losses(x->tape, x->problem, x->theta, x->losses));
+    LG_TRY(lg_machine_losses(x->context, x->problem, x->theta, x->losses, NULL));
     for (int round = 0, still = 0; round < ROUNDS && still < 2; round++) {
         size_t kept = 0;
         if (round % 2 == 0 || both) LG_TRY(go(x, round % 2 == 1, &kept));

@@ -6,7 +6,8 @@
  * covariance C of e
  *   E |r|^2 = tr((1 - P) C) - tr((J'^T J')^-1 J'^T C J'),
  * so each number of a start and each parameter reduces the sum by about 1 in units of the noise. Measured
- * starts add their own noise, with covariance C_0: C = diag + S C_0 S^T and P = 0. */
+ * starts add their own noise, with covariance C_0: C = diag + S C_0 S^T and P = 0.
+ * The steps' own error f adds |f'|^2 - b^T (J'^T J')^-1 b with f' = (1 - P) f and b = J'^T f'. */
 #include <math.h>
 #include <string.h>
 
@@ -23,6 +24,8 @@ typedef struct expecting {
     size_t rows;      /* residuals per window without priors */
     double *variance; /* (3 * rows): add_window uses it as scratch */
     double *J, *K;    /* (n, n): J'^T J', with priors, and J'^T C J', summed over windows */
+    double *b;        /* (n + 1): J'^T f' and |f'|^2, summed over windows */
+    size_t n;         /* parameters; the columns of `of` have f behind these */
     /* `left`: tr((1 - P) C), summed over windows. `unit`: what one number adds to the loss if its error is
      * one scale of the loss. */
     double left, unit;
@@ -34,9 +37,9 @@ static double dot(const double *a, const double *b, size_t n) {
 
 /* Adds the effect of a measured start's noise on the residuals to `left` and K. */
 static void add_start(expecting *e, const double *columns, const double *variance) {
-    const size_t n = e->of.n, stride = e->of.rows;
+    const size_t n = e->n, stride = e->of.rows;
     for (size_t k = 0; k < e->of.starts; k++) {
-        const double *S = columns + (n + k) * stride;
+        const double *S = columns + (e->of.n + k) * stride;
         if (!(variance[k] > 0.0)) continue;
         e->left += variance[k] * dot(S, S, e->rows);
         for (size_t i = 0; i < n; i++)
@@ -49,17 +52,21 @@ static void add_start(expecting *e, const double *columns, const double *varianc
 static void add_window(void *user, double *columns, uint32_t window) {
     expecting *e = user;
     const lg_machine_normal *of = &e->of;
-    const size_t n = of->n, d = e->rows / e->problem.window, first = e->measured ? d : 0;
+    const size_t n = e->n, d = e->rows / e->problem.window, first = e->measured ? d : 0;
     const double factor = sqrt(e->unit);
-    double *variance = e->variance, *part = variance + e->rows, *of_start = part + e->rows;
+    double *variance = e->variance, *part = variance + e->rows, *of_start = part + e->rows,
+           *f = columns + n * of->rows;
     for (uint32_t j = 0; j < e->problem.window; j++)
         lg_machine_row_variances(&e->problem, e->noise, e->problem.start[window] + j, factor,
                                  variance + j * d, part + j * d);
     for (size_t i = 0; i < d; i++) of_start[i] = variance[i] / (e->unit * (double)e->problem.windows);
     memset(variance, 0, first * sizeof *variance);
-    for (size_t j = 0; j < n + of->starts; j++) memset(columns + j * of->rows, 0, first * sizeof *columns);
+    for (size_t j = 0; j < of->n + of->starts; j++)
+        memset(columns + j * of->rows, 0, first * sizeof *columns);
     e->left += dot(variance, part, e->rows);
-    if (!e->measured) e->left -= lg_machine_take_start(columns, of->rows, e->rows, n, of->starts, variance);
+    if (!e->measured)
+        e->left -= lg_machine_take_start(columns, of->rows, e->rows, of->n, of->starts, variance);
+    for (size_t i = 0; i <= n; i++) e->b[i] += dot(columns + i * of->rows, f, e->rows);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) {
             const double *a = columns + i * of->rows, *b = columns + j * of->rows;
@@ -69,11 +76,11 @@ static void add_window(void *user, double *columns, uint32_t window) {
     if (e->measured) add_start(e, columns, of_start);
 }
 
-/* Sets `out` to tr(J^-1 K) over the eigenvectors of J that the residuals determine. Network weights have the
- * prior N(0, 1). */
+/* Sets `out` to tr(J^-1 K) over the eigenvectors of J that the residuals determine, and takes b^T J^-1 b from
+ * |f'|^2. Network weights have the prior N(0, 1). */
 static lg_status taken(expecting *e, double *values, double *out) {
     static const double shown = 1e-12;
-    const size_t n = e->of.n;
+    const size_t n = e->n;
     *out = 0.0;
     if (n == 0) return LG_OK;
     for (size_t i = 0; i < e->problem.machine->weights; i++) e->J[i * n + i] += e->unit;
@@ -84,6 +91,7 @@ static lg_status taken(expecting *e, double *values, double *out) {
         const double *v = e->J + k * n;
         if (!(values[k] > shown * values[n - 1])) continue;
         for (size_t i = 0; i < n; i++) *out += v[i] * dot(e->K + i * n, v, n) / values[k];
+        e->b[n] -= pow(dot(e->b, v, n), 2.0) / values[k];
     }
     return LG_OK;
 }
@@ -91,74 +99,50 @@ static lg_status taken(expecting *e, double *values, double *out) {
 /* ---- changes of the velocities ---- */
 
 /* Adds for each coordinate the squares, in units of the loss, of its velocities (or accelerations) minus
- * `mean` and of the displacements that the velocities make from the start of one window. `run` holds the
- * displacements. */
-static void add_change(const lg_machine_problem *problem, const double *mean, size_t start, double *run,
-                       double factor, lg_machine_noise *out) {
-    const lg_machine *machine = problem->machine;
-    double q[LG_MACHINE_POSITIONS], v[2][LG_MACHINE_VELOCITIES], there[LG_MACHINE_VELOCITIES];
-    memset(run, 0, machine->velocities * sizeof *run);
-    for (uint32_t j = 0; j < problem->window; j++) {
-        const size_t row = start + j;
-        double *now = v[j % 2], *before = v[1 - j % 2];
-        lg_machine_shown_row(machine, &problem->log, row, q, now);
-        lg_machine_weigh_row(problem, row, 1.0, q, there);
-        for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
-            for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++) {
-                now[k] = (now[k] - mean[k]) * lg_machine_shown_unit(machine, k);
-                if (j > 0 && !machine->accelerations)
-                    run[k] += 0.5 * (now[k] + before[k]) * (problem->log.t[row] - problem->log.t[row - 1]);
-                const double speed = there[k] != 0.0 ? now[k] / problem->velocity_scale[at.index] : 0.0,
-                             way = run[k] / problem->position_scale[at.index];
-                out->velocity[at.index] += factor * speed * speed;
-                out->position[at.index] += factor * way * way;
-            }
-        }
-    }
-}
-
+ * those of the start, or their mean where starts are estimated, and of the displacements that they make. */
 static void add_changes(const expecting *e, lg_machine_noise *out) {
-    const size_t all = e->of.windows, used = e->of.used;
     const lg_machine_problem *problem = &e->problem;
-    const uint32_t nv = problem->machine->velocities;
-    const double factor = 1.0 / ((double)used * (double)problem->window);
-    double q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES], mean[LG_MACHINE_VELOCITIES],
-        run[LG_MACHINE_VELOCITIES];
-    for (size_t w = 0; w < used; w++) {
-        const size_t start = problem->start[lg_spread(w, all, used)];
-        const uint32_t rows = e->measured ? 1 : problem->window;
-        memset(mean, 0, sizeof mean);
-        for (uint32_t j = 0; j < rows; j++) {
-            const size_t row = start + j;
-            lg_machine_shown_row(problem->machine, &problem->log, row, q, v);
-            for (uint32_t k = 0; k < nv; k++) mean[k] += v[k] / rows;
+    const lg_machine *machine = problem->machine;
+    const uint32_t first = e->measured ? 1 : problem->window;
+    const double factor = 1.0 / ((double)e->of.used * (double)problem->window);
+    double q[LG_MACHINE_POSITIONS], v[2][LG_MACHINE_VELOCITIES], there[LG_MACHINE_VELOCITIES];
+    for (size_t w = 0; w < e->of.used; w++) {
+        const size_t start = problem->start[lg_spread(w, e->of.windows, e->of.used)];
+        double mean[LG_MACHINE_VELOCITIES] = {0}, run[LG_MACHINE_VELOCITIES] = {0};
+        for (uint32_t j = 0; j < first; j++) {
+            lg_machine_shown_row(machine, &problem->log, start + j, q, v[0]);
+            for (uint32_t k = 0; k < machine->velocities; k++) mean[k] += v[0][k] / first;
         }
-        add_change(problem, mean, start, run, factor, out);
+        for (size_t row = start; row < start + problem->window; row++) {
+            double *now = v[(row - start) % 2], *before = v[(row - start + 1) % 2];
+            lg_machine_shown_row(machine, &problem->log, row, q, now);
+            lg_machine_weigh_row(problem, row, 1.0, q, there);
+            for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
+                for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++) {
+                    now[k] = (now[k] - mean[k]) * lg_machine_shown_unit(machine, k);
+                    if (row > start && !machine->accelerations)
+                        run[k] +=
+                            0.5 * (now[k] + before[k]) * (problem->log.t[row] - problem->log.t[row - 1]);
+                    if (there[k] != 0.0)
+                        out->velocity[at.index] +=
+                            factor * pow(now[k] / problem->velocity_scale[at.index], 2.0);
+                    out->position[at.index] += factor * pow(run[k] / problem->position_scale[at.index], 2.0);
+                }
+        }
     }
 }
 
 /* ---- the whole loss ---- */
 
 static lg_status expect(expecting *e, double *values, lg_machine_expected *out) {
-    const size_t all = e->of.windows, used = e->of.used, first = e->measured ? 1 : 0;
     /* Turns a mean over points 0 .. M - 1 into a mean over the points that count in the loss. */
-    const double points = (double)e->problem.window / (double)(e->problem.window - first);
+    const double points = (double)e->problem.window / (e->problem.window - (e->measured ? 1.0 : 0.0));
     double lost = 0.0;
-    e->unit = 1.0 / ((double)used * (double)e->problem.window);
+    e->unit = 1.0 / ((double)e->of.used * (double)e->problem.window);
     LG_TRY(lg_machine_gather(&e->of, false));
-    const double before = e->left;
-    /* Too many parameters for their Jacobian: every parameter except network weights is taken to remove as
-     * much as one average residual. */
-    if (e->problem.theta != NULL) {
-        const size_t d = e->rows / e->problem.window;
-        lost = before * (double)(e->problem.machine->parameters - e->problem.machine->weights) /
-               (double)(all * (e->problem.window - first) * d);
-    } else {
-        LG_TRY(taken(e, values, &lost));
-        lost *= (double)used / (double)all;
-    }
-    lost = fmin(lost, 0.5 * before);
-    *out = (lg_machine_expected){.loss = points * (before - lost)};
+    LG_TRY(taken(e, values, &lost));
+    lost = fmin(lost * (double)e->of.used / (double)e->of.windows, 0.5 * e->left);
+    *out = (lg_machine_expected){.loss = points * (e->left - lost), .steps = points * fmax(e->b[e->n], 0.0)};
     add_changes(e, &out->change);
     return LG_OK;
 }
@@ -173,19 +157,24 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
     e.problem.starts = LG_MACHINE_STARTS_ESTIMATED;
     if (many) e.problem.theta = theta;
     e.rows = lg_machine_linearised_rows(&e.problem) - lg_machine_problem_priors(&e.problem);
-    LG_TRY_SCRATCH(double, all, context, given + starts + 3 * e.rows + (2 * n + 1) * n, lg_no_memory(error));
+    LG_TRY_SCRATCH(double, all, context, given + starts + 3 * e.rows + (2 * n + 2) * n + 1,
+                   lg_no_memory(error));
+    e.n = n;
     e.variance = all + given + starts;
     e.J = e.variance + 3 * e.rows;
     e.K = e.J + n * n;
-    memcpy(all, theta, given * sizeof *all);
-    if (!measured) memcpy(all + given, theta + given, starts * sizeof *all);
+    e.b = e.K + n * n;
+    memcpy(all, theta, lg_machine_problem_parameters(problem) * sizeof *all);
     e.of = (lg_machine_normal){.context = context,
                                .problem = &e.problem,
                                .theta = many ? all + given : all,
-                               .n = n,
+                               .n = n + 1,
+                               .last = true,
                                .visit = add_window,
                                .user = &e};
+    lg_machine_fit_problem(&e.problem, &e.of.fit);
+    e.of.fit.linearise = lg_machine_linearise_steps;
     lg_machine_choose_windows(&e.of, LG_MACHINE_MOST_WINDOWS);
-    const lg_status status = expect(&e, e.K + n * n, out);
+    const lg_status status = expect(&e, e.b + n + 1, out);
     return lg_machine_end_gather(&e.of, status, error);
 }

@@ -131,11 +131,11 @@ static lg_status add_chunk(normal *s, const uint32_t *samples, size_t first, siz
     for (size_t row = 0; row < s->rows; row++)
         for (size_t j = 0; j < columns; j++)
             s->columns[(j < given ? j : j + s->last) * s->rows + row] = s->jacobian[row * columns + j];
+    if (s->last) memcpy(s->columns + given * s->rows, s->residuals, s->rows * sizeof *s->columns);
     if (s->visit != NULL) {
         for (size_t w = 0; w < count; w++) s->visit(s->user, s->columns + w * s->fit.rows, samples[w]);
         return LG_OK;
     }
-    if (s->last) memcpy(s->columns + given * s->rows, s->residuals, s->rows * sizeof *s->columns);
     for (size_t w = 0, each = s->rows / count; w < count && s->starts > 0; w++)
         s->weighted -= lg_machine_take_start(s->columns + w * each, s->rows, each, s->n, s->starts, NULL);
     if (s->lagged != NULL) add_lagged(s, count);

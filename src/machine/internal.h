@@ -523,12 +523,12 @@ void lg_machine_along_row(const lg_machine_problem *problem, size_t row, double 
 /* lg_fit_problem.linearise and lg_fit_problem.rows of a problem of windows. */
 lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
                                size_t count, size_t batch, double *loss, double *r, double *jacobian);
-/* Computes the loss of each window (windows), with the share of the priors that belongs to the window.
- * lg_machine_losses creates the tape and destroys it. */
-lg_status lg_machine_window_losses(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
-                                   double *losses);
+/* Computes the loss of each window (windows), with the share of the priors that belongs to the window. */
 LG_API lg_status lg_machine_losses(const lg_context *context, const lg_machine_problem *problem,
                                    const double *theta, double *losses, lg_error *error);
+/* The same Jacobian, with the steps' own error in place of the residuals. */
+lg_status lg_machine_linearise_steps(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
+                                     size_t count, size_t batch, double *loss, double *r, double *jacobian);
 size_t lg_machine_linearised_rows(const lg_machine_problem *problem);
 /* Most windows from which errors of numbers and expected losses are computed. */
 enum { LG_MACHINE_MOST_WINDOWS = 512 };
@@ -647,11 +647,11 @@ lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine
                                      const lg_machine_log *log, uint32_t window, double *q, double *v,
                                      lg_error *error);
 /* The loss of a model that explains the logs except for white noise (standard deviations; machine/expect.c),
- * from at most 512 windows. With more than 256 parameters, weights of networks are taken to reduce nothing,
- * and every other one as much as an average number adds. `change`: what the changes of velocities within a
- * window contribute to positions and velocities, about the loss of a model in which no force acts. */
+ * from at most 512 windows. More than 256 parameters are taken to reduce nothing. `steps`: what the starts
+ * and parameters leave of the steps' own error. `change`: what the changes of velocities within a window
+ * contribute to positions and velocities, about the loss of a model in which no force acts. */
 typedef struct lg_machine_expected {
-    double loss;
+    double loss, steps;
     lg_machine_noise change;
 } lg_machine_expected;
 lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem *problem, const double *theta,

@@ -61,89 +61,74 @@ void lg_machine_row_variances(const lg_machine_problem *problem, const lg_machin
 
 /* ---- windows of a chunk ---- */
 
-/* Passes the windows of an open chain, in a batch of `batch`, and closes it. A chain that is compared with
- * another one has no priors. */
-static lg_status run_chain(lg_tape *tape, lg_chain *c, size_t batch) {
-    const uint32_t points = c->problem->window - lg_chain_first(c->problem);
-    c->rows = lg_machine_linearised_rows(c->problem);
-    c->factor = 1.0 / sqrt((double)batch * (double)points);
-    const lg_status status = lg_chain_pass_windows(tape, c);
-    if (status == LG_OK && c->against == NULL) put_priors(c, batch);
-    lg_chain_close(tape, c);
+typedef struct chunk {
+    const lg_machine_problem *problem;
+    const double *theta;
+    const uint32_t *samples; /* (count), or NULL: windows from `first` on */
+    size_t first, count, batch;
+    bool steps;                    /* residuals are the steps' own error, and have no priors */
+    double *losses, *r, *jacobian; /* of each window; NULL: not wanted */
+} chunk;
+
+/* Adds the loss of a chunk. The steps' own error is the difference between predictions with the substeps and
+ * with twice as many, times 1/(1 - 2^-p) for a scheme of order p. */
+static lg_status add(lg_tape *tape, const chunk *of, double *sum) {
+    const double factor = of->steps ? 1.0 / (1.0 - ldexp(1.0, -of->problem->scheme->order)) : 1.0;
+    lg_machine_problem finer = *of->problem;
+    lg_chain c, twice = {.memory = NULL};
+    finer.substeps *= 2;
+    lg_status status = lg_chain_open(tape, of->problem, of->theta, of->samples, of->first, of->count,
+                                     of->jacobian != NULL, &c);
+    if (status == LG_OK && of->steps)
+        status = lg_chain_open(tape, &finer, of->theta, of->samples, of->first, of->count, false, &twice);
+    c.against = of->steps ? &twice : NULL;
+    c.factor = 1.0 / sqrt((double)of->batch * (double)(finer.window - lg_chain_first(&finer)));
+    c.rows = lg_machine_linearised_rows(&finer);
+    c.losses = of->losses, c.r = of->r, c.jacobian = of->jacobian;
+    if (status == LG_OK) status = lg_chain_pass_windows(tape, &c);
+    if (status == LG_OK && (!of->steps || c.r != NULL)) put_priors(&c, of->batch);
+    for (size_t i = 0; of->steps && c.r != NULL && i < c.count * c.rows; i++) c.r[i] *= factor;
+    *sum += factor * factor * c.loss;
+    lg_chain_close(tape, &twice);
+    lg_chain_close(tape, &c);
     return status;
 }
 
 lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
                                size_t count, size_t batch, double *loss, double *r, double *jacobian) {
-    lg_chain c;
-    LG_TRY(lg_chain_open(tape, user, theta, samples, 0, count, true, &c));
-    c.r = r;
-    c.jacobian = jacobian;
-    LG_TRY(run_chain(tape, &c, batch));
-    *loss = c.loss;
-    return LG_OK;
+    *loss = 0.0;
+    return add(tape, &(chunk){user, theta, samples, 0, count, batch, false, NULL, r, jacobian}, loss);
+}
+
+lg_status lg_machine_linearise_steps(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
+                                     size_t count, size_t batch, double *loss, double *r, double *jacobian) {
+    *loss = 0.0;
+    return add(tape, &(chunk){user, theta, samples, 0, count, batch, true, NULL, r, jacobian}, loss);
 }
 
 /* ---- losses of all windows ---- */
 
-/* Adds the loss of `count` windows. losses (count): of each window, or NULL. */
-static lg_status add_loss(lg_tape *tape, const lg_machine_problem *problem, const double *theta, size_t first,
-                          size_t count, size_t batch, double *losses, double *sum) {
-    lg_chain c;
-    LG_TRY(lg_chain_open(tape, problem, theta, NULL, first, count, false, &c));
-    c.losses = losses;
-    LG_TRY(run_chain(tape, &c, batch));
-    *sum += c.loss;
-    return LG_OK;
-}
-
-/* The same, but of the steps' own error: the difference between predictions with the substeps and with twice
- * as many, times 2^p/(2^p - 1) for a scheme of order p. */
-static lg_status add_floor(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
-                           size_t first, size_t count, size_t batch, double *sum) {
-    const double power = ldexp(1.0, problem->scheme->order), factor = power / (power - 1.0);
-    lg_machine_problem finer = *problem;
-    lg_chain once, twice;
-    finer.substeps *= 2;
-    LG_TRY(lg_chain_open(tape, problem, theta, NULL, first, count, false, &once));
-    lg_status status = lg_chain_open(tape, &finer, theta, NULL, first, count, false, &twice);
-    once.against = &twice;
-    if (status == LG_OK) status = run_chain(tape, &once, batch);
-    if (status == LG_OK) *sum += factor * factor * once.loss;
-    lg_chain_close(tape, &twice);
-    lg_chain_close(tape, &once);
-    return status;
-}
-
-lg_status lg_machine_window_losses(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
-                                   double *losses) {
-    double all = 0.0;
-    memset(losses, 0, problem->windows * sizeof *losses);
-    for (size_t first = 0; first < problem->windows; first += LG_FIT_CHUNK) {
-        const size_t left = problem->windows - first, count = left < LG_FIT_CHUNK ? left : LG_FIT_CHUNK;
-        LG_TRY(add_loss(tape, problem, theta, first, count, 1, losses + first, &all));
+/* Adds the loss of `count` windows, or of the steps' own error. losses (windows): of each one, or NULL. */
+static lg_status add_all(lg_tape *tape, const lg_machine_problem *problem, const double *theta, size_t count,
+                         size_t batch, bool steps, double *losses, double *sum) {
+    for (size_t first = 0; first < count; first += LG_FIT_CHUNK) {
+        const size_t some = count - first < LG_FIT_CHUNK ? count - first : LG_FIT_CHUNK;
+        LG_TRY(add(tape,
+                   &(chunk){problem, theta, NULL, first, some, batch, steps,
+                            losses != NULL ? losses + first : NULL, NULL, NULL},
+                   sum));
     }
     return LG_OK;
 }
 
 lg_status lg_machine_losses(const lg_context *context, const lg_machine_problem *problem, const double *theta,
                             double *losses, lg_error *error) {
+    double all = 0.0;
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
-    return lg_tape_conclude(tape, lg_machine_window_losses(tape, problem, theta, losses), error);
-}
-
-static lg_status add_windows(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
-                             double *loss, double *floor) {
-    double sum = 0.0, of_steps = 0.0;
-    for (size_t first = 0, all = problem->windows - problem->validation; first < all; first += LG_FIT_CHUNK) {
-        const size_t count = all - first < LG_FIT_CHUNK ? all - first : LG_FIT_CHUNK;
-        LG_TRY(add_loss(tape, problem, theta, first, count, all, NULL, &sum));
-        if (floor != NULL) LG_TRY(add_floor(tape, problem, theta, first, count, all, &of_steps));
-    }
-    *loss = sum;
-    if (floor != NULL) *floor = of_steps;
-    return LG_OK;
+    memset(losses, 0, problem->windows * sizeof *losses);
+    return lg_tape_conclude(tape, add_all(tape, problem, theta, problem->windows, 1, false, losses, &all),
+                            error);
 }
 
 lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem, const double *theta,
@@ -153,5 +138,13 @@ lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *p
     LG_NEEDS(error, theta);
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     if (lg_tape_create(context, NULL, &tape) != LG_OK) return lg_no_memory(error);
-    return lg_tape_conclude(tape, add_windows(tape, problem, theta, loss, floor), error);
+    const size_t all = problem->windows - problem->validation;
+    double sum = 0.0, of_steps = 0.0;
+    lg_status status = add_all(tape, problem, theta, all, all, false, NULL, &sum);
+    if (status == LG_OK && floor != NULL)
+        status = add_all(tape, problem, theta, all, all, true, NULL, &of_steps);
+    LG_TRY(lg_tape_conclude(tape, status, error));
+    *loss = sum;
+    if (floor != NULL) *floor = of_steps;
+    return LG_OK;
 }

@@ -7,14 +7,9 @@
 #include "machine/internal.h"
 
 size_t lg_machine_log_part(const lg_machine_log *log, size_t row) {
-    size_t low = 0, high = log->parts;
-    while (high - low > 1) {
-        const size_t middle = low + (high - low) / 2;
-        if (log->first[middle] <= row)
-            low = middle;
-        else
-            high = middle;
-    }
+    size_t low = 0;
+    for (size_t step = log->parts; step > 0; step /= 2)
+        while (low + step < log->parts && log->first[low + step] <= row) low += step;
     return low;
 }
 

@@ -23,22 +23,16 @@ double lg_squares_root(const lg_squares *s) {
 }
 
 static double root(const lg_squares *s) {
-    return s->count > 0 ? lg_squares_root(s) : 0.0;
+    return fmax(lg_squares_root(s), 0.0);
 }
 
-/* Velocities of a row, in the log's units if the scales of `plain` are 1. Velocities that were not measured
- * are differences of positions. */
-static void velocities_at(const lg_machine *plain, const lg_machine_log *log, size_t row, double *v) {
-    double q[LG_MACHINE_POSITIONS];
-    lg_machine_scaled_rows(plain, log, &row, 1, q, v);
-}
-
+/* Velocities that were not measured are differences of positions. `plain`: all its scales are 1. */
 static void measure_motion(const lg_machine *plain, const lg_machine_log *log, moments *out) {
     lg_squares velocity[LG_MACHINE_COORDINATES] = {{0, 0}}, acceleration[LG_MACHINE_VELOCITIES] = {{0, 0}};
-    double before[LG_MACHINE_VELOCITIES] = {0}, v[LG_MACHINE_VELOCITIES];
+    double before[LG_MACHINE_VELOCITIES] = {0}, q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES];
     for (size_t p = 0; p < log->parts; p++)
         for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++) {
-            velocities_at(plain, log, row, v);
+            lg_machine_scaled_rows(plain, log, &row, 1, q, v);
             for (lg_machine_offsets at = {0}; lg_machine_next(plain, &at);) {
                 for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
                     lg_squares_add(&velocity[at.index], v[k]);

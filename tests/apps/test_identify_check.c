@@ -710,4 +710,66 @@ TEST("the delay of the inputs is estimated, and each fault of the log is reporte
     }
 }
 
+/* ---- noise ---- */
+
+TEST(
+    "the noise of attitudes, and of omega across a direction, is found whatever the attitude and the speed") {
+    enum { SEEDS = 20 };
+    /* Student's t with 19 degrees of freedom exceeds this in one of 1000 cases. */
+    static const double student = 3.883, within = 0.05;
+    /* Without damping the chain whips so fast that the estimate is only an upper bound. */
+    static const char links[] =
+        "system: pendulum-chain\nparameters: {gravity: 9.81, masses: [1, 0.7, 0.5], lengths: [0.5, 0.4, "
+        "0.3]}\n"
+        "damping: {kind: known, values: [0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1]}\n";
+    static const char body[] = "system: rigid-body-attitude\nparameters: {inertia: [0.3, 0.4, 0.2]}\n";
+    static const struct {
+        const char *coordinates, *terms;
+        double position, velocity; /* noise */
+        const char *attitude, *rate;
+        double part; /* of the noise of angles in a column of an attitude */
+    } rows[] = {
+        {"{name: b, kind: rotation, columns: [p, q, r, s], velocity: [wx, wy, wz]}", body, 0.002, 0.01, "p",
+         NULL, 0.5},
+        {"{name: b, kind: rotation, columns: [p, q, r, s, t1, t2, t3, t4, t5], velocity: [wx, wy, wz]}", body,
+         0.002, 0.01, "p", NULL, 1},
+        {"{name: b, kind: direction, columns: [x, y, z], velocity: [wx, wy, wz]}",
+         "mass: {kind: known, values: [1, 1, 1]}\n", 0.002, 0.01, "x", "wx", 1},
+        {"{name: b, kind: direction, columns: [x, y, z], velocity: [wx, wy, wz]}",
+         "mass: {kind: known, values: [1, 1, 1]}\n", 0.01, 0.005, "y", "wz", 1},
+        {"{name: a, kind: direction, columns: [x1, y1, z1], velocity: [a1, b1, c1]}, {name: b, kind: "
+         "direction, "
+         "columns: [x2, y2, z2], velocity: [a2, b2, c2]}, {name: c, kind: direction, columns: [x3, y3, z3], "
+         "velocity: [a3, b3, c3]}",
+         links, 0.002, 0.01, "x2", "a2", 1}};
+    for (size_t i = 0; i < LG_COUNT(rows); i++) {
+        double sum[2] = {0}, squares[2] = {0};
+        cli_write("noise.yaml", test_text("columns: {run: run}\ncoordinates: [%s]\n%s", rows[i].coordinates,
+                                          rows[i].terms));
+        for (int seed = 1; seed <= SEEDS; seed++) {
+            cli_run(
+                identify,
+                "generate noise.yaml --noise %g,%g --runs 4 --t-end 3 --dt 0.01 --start-spread 1,2 --seed %d "
+                "--out noise-%zu.csv",
+                rows[i].position, rows[i].velocity, seed, i);
+            cli_json(identify, test_text("check noise.yaml noise-%zu.csv", i), "runs 4");
+            const char *columns = json_find(result.out, "columns");
+            for (int k = 0; k < 2 && (k == 0 || rows[i].rate != NULL); k++) {
+                const double truth = k == 0 ? rows[i].part * rows[i].position : rows[i].velocity,
+                             found = json_number(json_find(columns, k == 0 ? rows[i].attitude : rows[i].rate),
+                                                 "noise"),
+                             ratio = pow(truth / found, 2); /* of a loss to the expected one */
+                sum[k] += ratio, squares[k] += ratio * ratio;
+            }
+        }
+        for (int k = 0; k < 2 && (k == 0 || rows[i].rate != NULL); k++) {
+            const double mean = sum[k] / SEEDS,
+                         error = sqrt((squares[k] / SEEDS - mean * mean) / (SEEDS - 1));
+            (void)printf("row %zu, %s: %.3f +- %.3f\n", i, k == 0 ? "attitude" : "rate", mean, error);
+            if (!(fabs(mean - 1) < fmax(student * error, within)))
+                fail_msg("row %zu, %s: %.3f +- %.3f", i, k == 0 ? "attitude" : "rate", mean, error);
+        }
+    }
+}
+
 TEST_GROUP(setup, cli_end)

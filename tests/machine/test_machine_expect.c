@@ -1,6 +1,7 @@
 /* ctest-labels: slow src/machine
  * The loss that is expected of a model that explains its logs must be the mean loss over logs with random
  * noise. */
+#include "liegrad/geometry.h"
 #include "support/machine_support.h"
 #include "support/seed.h"
 
@@ -165,6 +166,211 @@ TEST("each fitted parameter lowers the expected loss: a short log, where this is
     }
     const double mean = sum / (double)estimated.seeds;
     if (!(fabs(mean - 1.0) < 0.01)) fail_msg("the loss is %.4f of the expected one", mean);
+}
+
+/* ---- all kinds of coordinates ---- */
+
+/* The machines of the table. Their damping is unknown; everything else is known. */
+static void add_pendulum(lg_machine *machine) {
+    static const double m[] = {1.0}, g[] = {0.0, -9.0};
+    add_coordinate(machine, "a", LG_COORDINATE_ANGLE);
+    add_values(add_term(machine, LG_MACHINE_MASS, "known"), 1, m);
+    lg_machine_term *weight = add_term(machine, LG_MACHINE_POTENTIAL, "linear");
+    add_feature(weight, LG_FEATURE_POSITION, 0);
+    add_values(weight, 2, g);
+}
+
+static void add_system(lg_machine *machine, const char *name, size_t count, const char *const *keys,
+                       const double *const *values, const size_t *lengths) {
+    assert_told(lg_machine_set_system(machine, name, &told));
+    for (size_t i = 0; i < count; i++)
+        assert_told(lg_machine_set_parameter(machine, keys[i], lengths[i], values[i], NULL, &told));
+}
+
+static void add_cart(lg_machine *machine) {
+    static const double gravity[] = {-9.81}, pole[] = {0.3}, length[] = {0.5};
+    add_coordinate(machine, "x", LG_COORDINATE_LINE);
+    add_coordinate(machine, "a", LG_COORDINATE_ANGLE);
+    add_system(machine, "cart-pole", 3, (const char *[]){"gravity", "pole", "length"},
+               (const double *[]){gravity, pole, length}, (size_t[]){1, 1, 1});
+}
+
+static void add_satellite(lg_machine *machine) {
+    static const double inertia[] = {0.3, 0.4, 0.2};
+    add_coordinate(machine, "body", LG_COORDINATE_ROTATION);
+    add_system(machine, "rigid-body-attitude", 1, (const char *[]){"inertia"}, (const double *[]){inertia},
+               (size_t[]){3});
+}
+
+static void add_top(lg_machine *machine) {
+    static const double inertia[] = {0.3, 0.4, 0.2}, mass[] = {0.8}, length[] = {0.25}, chi[] = {0, 0.6, 0.8};
+    add_coordinate(machine, "top", LG_COORDINATE_ROTATION);
+    add_system(machine, "heavy-top", 4, (const char *[]){"inertia", "mass", "length", "chi"},
+               (const double *[]){inertia, mass, length, chi}, (size_t[]){3, 1, 1, 3});
+}
+
+static void add_bob(lg_machine *machine) {
+    static const double m[] = {1.0, 1.0, 1.0}, g[] = {9.81};
+    add_coordinate(machine, "d", LG_COORDINATE_DIRECTION);
+    add_values(add_term(machine, LG_MACHINE_MASS, "known"), 3, m);
+    lg_machine_term *weight = add_term(machine, LG_MACHINE_POTENTIAL, "gravity");
+    add_feature(weight, LG_FEATURE_POSITION, 0);
+    add_values(weight, 1, g);
+}
+
+static void add_chain(lg_machine *machine) {
+    static const double gravity[] = {9.81}, masses[] = {1.0, 0.7, 0.5}, lengths[] = {0.5, 0.4, 0.3};
+    for (int i = 0; i < 3; i++)
+        add_coordinate(machine, (const char *[]){"a", "b", "c"}[i], LG_COORDINATE_DIRECTION);
+    add_system(machine, "pendulum-chain", 3, (const char *[]){"gravity", "masses", "lengths"},
+               (const double *[]){gravity, masses, lengths}, (size_t[]){1, 3, 3});
+}
+
+static const struct {
+    const char *name;
+    void (*add)(lg_machine *machine);
+} kinds[] = {{"pendulum", add_pendulum},   {"cart with a pendulum", add_cart},
+             {"satellite", add_satellite}, {"spherical pendulum", add_bob},
+             {"heavy top", add_top},       {"chain on S^2", add_chain}};
+
+static lg_machine machine_of(size_t kind, bool known) {
+    static const double damping[] = {0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1};
+    lg_machine machine = empty_machine();
+    kinds[kind].add(&machine);
+    uint32_t velocities = 0;
+    for (uint32_t i = 0; i < machine.coordinate_count; i++)
+        velocities += lg_coordinate_row_of(machine.coordinates[i].kind)->velocities;
+    lg_machine_term *friction = add_term(&machine, LG_MACHINE_DAMPING, known ? "known" : "diagonal");
+    if (known) add_values(friction, velocities, damping);
+    assert_machine(&machine);
+    return machine;
+}
+
+/* As a sensor's errors: turns attitudes by, and adds to places and velocities, normal numbers of these
+ * deviations; omega stays across the direction as it was logged. */
+static void disturb(const lg_machine *machine, lg_rng *rng, double position, double velocity, double *q,
+                    double *v) {
+    for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
+        double turn[3], turned[9], *x = q + at.position, *w = v + at.velocity;
+        for (uint32_t k = 0; k < at.places; k++) x[k] += position * lg_rng_normal(rng);
+        for (int k = 0; k < 3; k++) turn[k] = position * lg_rng_normal(rng);
+        if (at.directions > 0) lg_so3_exp_act(turn, x, turned), memcpy(x, turned, 3 * sizeof *x);
+        if (at.rotations > 0) lg_so3_exp_multiply(turn, x, turned), memcpy(x, turned, sizeof turned);
+        for (uint32_t k = 0; k < at.velocities; k++) w[k] += velocity * lg_rng_normal(rng);
+        if (at.directions == 0) continue;
+        const double along = lg_dot3(w, x);
+        for (int k = 0; k < 3; k++) w[k] -= along * x[k];
+    }
+}
+
+enum { SOME = 4, EACH = 41, POINTS = SOME * EACH };
+
+typedef struct motion {
+    size_t first[SOME + 1], start[POINTS];
+    double t[POINTS], q[2][POINTS * LG_MACHINE_POSITIONS], v[2][POINTS * LG_MACHINE_VELOCITIES];
+    lg_machine_log log; /* of q[1] and v[1], which have the noise; q[0] and v[0] have none */
+} motion;
+
+static motion *move(size_t kind) {
+    const lg_machine machine = machine_of(kind, true);
+    const size_t nq = machine.positions, nv = machine.velocities;
+    motion *m = TEST_ARRAY(motion, 1);
+    lg_rng rng = test_rng(3, kind);
+    m->log = (lg_machine_log){POINTS, SOME, m->first, m->t, m->q[1], m->v[1], NULL, NULL, NULL, NULL};
+    for (size_t row = 0; row < POINTS; row++) {
+        double *q = m->q[1] + row * nq, *v = m->v[1] + row * nv;
+        m->first[row / EACH] = m->start[row / EACH] = row / EACH * EACH;
+        m->t[row] = DT * (double)(row % EACH);
+        lg_machine_reference(&machine, q);
+        for (lg_machine_offsets at = {0}; lg_machine_next(&machine, &at);)
+            if (at.directions > 0) q[at.position + 2] = -1.0; /* it hangs */
+        disturb(&machine, &rng, 0.7, 1.5, q, v);
+    }
+    m->first[SOME] = POINTS;
+    assert_ok(lg_machine_free_run(NULL, &machine, NULL, lg_scheme_find("rkmk5"), 8, &m->log, m->start, SOME,
+                                  EACH - 1, m->q[0], m->v[0], NULL));
+    return m;
+}
+
+typedef struct trial {
+    const char *scheme;
+    uint32_t window, stride;
+    lg_machine_starts starts;
+    bool positions_only;
+    double position, velocity; /* noise */
+} trial;
+
+/* The loss of the fit that begins at the truth, divided by the expected loss. */
+static double ratio_in(motion *m, const lg_machine *machine, const double *truth, const trial *w,
+                       lg_rng rng) {
+    lg_machine_noise noise = {.position = {0}};
+    lg_machine_expected expected;
+    double loss;
+    memcpy(m->q[1], m->q[0], sizeof m->q[1]);
+    memcpy(m->v[1], m->v[0], sizeof m->v[1]);
+    for (size_t row = 0; row < POINTS; row++)
+        disturb(machine, &rng, w->position, w->velocity, m->q[1] + row * machine->positions,
+                m->v[1] + row * machine->velocities);
+    for (size_t i = 0; i < POINTS * machine->velocities && w->positions_only; i++) m->v[1][i] = NAN;
+    lg_machine_problem p = {.machine = machine,
+                            .scheme = lg_scheme_find(w->scheme),
+                            .substeps = 1,
+                            .window = w->window,
+                            .starts = w->starts,
+                            .log = m->log,
+                            .start = m->start};
+    /* Scales that are not the noise. */
+    for (uint32_t i = 0; i < machine->coordinate_count; i++) {
+        noise.position[i] = w->position, noise.velocity[i] = w->velocity;
+        p.position_scale[i] = 2.0 * w->position, p.velocity_scale[i] = 3.0 * w->velocity;
+    }
+    p.windows = lg_machine_windows(machine, &m->log, w->window, w->stride, w->positions_only, m->start);
+    double *theta = TEST_ARRAY(double, lg_machine_problem_parameters(&p));
+    memcpy(theta, truth, machine->parameters * sizeof *theta);
+    fit(&p, theta);
+    assert_ok(lg_machine_loss(NULL, &p, theta, &loss, NULL, NULL));
+    assert_ok(lg_machine_expect(NULL, &p, theta, &noise, &expected, NULL));
+    return loss / (expected.loss + expected.steps);
+}
+
+/* The mean over 20 logs must be 1 to within what chance makes of it: Student's t with 19 degrees of freedom
+ * exceeds 3.883 in one of 1000 cases. `bend`: what may be off as well where errors are so large that they do
+ * not add up linearly. */
+static void assert_expected(size_t kind, const trial *w, double bend) {
+    enum { SEEDS = 20 };
+    static const double student = 3.883;
+    motion *m = move(kind);
+    const lg_machine machine = machine_of(kind, false);
+    double *truth = TEST_ARRAY(double, machine.parameters), sum = 0.0, squares = 0.0;
+    for (size_t k = 0; k < machine.parameters; k++) truth[k] = sqrt(0.1);
+    for (uint64_t seed = 1; seed <= SEEDS; seed++) {
+        const double ratio = ratio_in(m, &machine, truth, w, test_rng(seed, 10 + kind));
+        sum += ratio, squares += ratio * ratio;
+    }
+    const double mean = sum / SEEDS, error = sqrt((squares / SEEDS - mean * mean) / (SEEDS - 1));
+    (void)printf("%s, %s, window %u, stride %u, %s%s: %.4f +- %.4f\n", kinds[kind].name, w->scheme, w->window,
+                 w->stride, w->starts == LG_MACHINE_STARTS_MEASURED ? "measured" : "estimated",
+                 w->positions_only ? ", positions" : "", mean, error);
+    if (!(fabs(mean - 1.0) < fmax(student * error, bend)))
+        fail_msg("%s, %s, window %u: the loss is %.4f +- %.4f of the expected one", kinds[kind].name,
+                 w->scheme, w->window, mean, error);
+}
+
+TEST("the mean loss is the expected loss for all kinds of coordinates, starts, windows and columns") {
+    static const trial trials[] = {{"cf4", 6, 5, LG_MACHINE_STARTS_MEASURED, false, 2e-3, 1e-2},
+                                   {"cf4", 9, 3, LG_MACHINE_STARTS_MEASURED, false, 4e-3, 5e-3},
+                                   {"cf4", 11, 10, LG_MACHINE_STARTS_ESTIMATED, false, 2e-3, 1e-2},
+                                   {"cf4", 20, 7, LG_MACHINE_STARTS_ESTIMATED, false, 4e-3, 5e-3},
+                                   {"cf4", 21, 20, LG_MACHINE_STARTS_ESTIMATED, true, 2e-3, 1e-2}};
+    for (size_t kind = 0; kind < LG_COUNT(kinds); kind++)
+        for (size_t i = 0; i < LG_COUNT(trials); i++) assert_expected(kind, &trials[i], 0.0);
+}
+
+TEST("what the starts and parameters leave of the steps' own error is expected, not all of it") {
+    static const trial trials[] = {{"lie-heun", 11, 10, LG_MACHINE_STARTS_ESTIMATED, false, 1e-4, 1e-3},
+                                   {"lie-heun", 6, 5, LG_MACHINE_STARTS_MEASURED, false, 1e-4, 1e-3}};
+    for (size_t kind = 0; kind < LG_COUNT(kinds); kind++)
+        for (size_t i = 0; i < LG_COUNT(trials); i++) assert_expected(kind, &trials[i], 0.05);
 }
 
 TEST_GROUP(NULL, NULL)

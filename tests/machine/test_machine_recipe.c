@@ -242,7 +242,7 @@ TEST("a model has no error on its own run; what is missing does not count, and a
     lg_horizon found;
     assert_ok(lg_machine_window_loss(&model, &log, 6, &loss, NULL));
     assert_true(loss < 1e-20);
-    assert_ok(lg_machine_horizon(&model, &log, 0.1, 5, &found, NULL));
+    assert_ok(lg_horizon_of(&model, lg_machine_run, &model, &log, 0.1, 5, &found, NULL));
     assert_true(found.starts > 5 && found.pooled[LG_ERROR_LINE] < 1e-10 &&
                 found.pooled[LG_ERROR_ANGLE] < 1e-10 && found.pooled[LG_ERROR_DIRECTION] < 1e-7 &&
                 found.pooled[LG_ERROR_ROTATION] < 1e-7 && found.pooled[LG_ERROR_VELOCITY] < 1e-10);

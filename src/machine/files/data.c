@@ -111,18 +111,21 @@ lg_status lg_machine_refuse_momenta(const lg_machine_file *file, const char *pat
 
 /* ---- noise ---- */
 
-/* The largest noise of columns first .. first + count - 1. Noise given in the machine's file comes first;
- * estimated noise counts if it is `confirmed` or more than `least` of the columns' range. */
+/* Root mean square of the noise of columns first .. first + count - 1. Noise given in the machine's file
+ * comes first; estimated noise counts if it is `confirmed` or more than `least` of the columns' range. */
 static double noise_of(const lg_machine_data *data, uint32_t first, uint32_t count, bool confirmed,
                        double least) {
-    double range = 0.0, estimated = 0.0, given = 0.0;
+    double range = 0.0;
+    lg_squares estimated = {0, 0}, given = {0, 0};
     for (uint32_t c = first; c < first + count; c++) {
         const lg_log_statistics *found = &data->logs.columns[c];
+        const double known = data->file.columns[c].noise;
         range = fmax(range, found->high - found->low);
-        if (!found->noise_at_most) estimated = fmax(estimated, found->noise);
-        given = fmax(given, data->file.columns[c].noise);
+        lg_squares_add(&estimated, found->noise_at_most ? 0.0 : found->noise);
+        lg_squares_add(&given, known > 0.0 ? known : NAN);
     }
-    return given > 0.0 ? given : confirmed || estimated > least * range ? estimated : 0.0;
+    const double noise = fmax(lg_squares_root(&estimated), 0.0);
+    return given.count > 0 ? lg_squares_root(&given) : confirmed || noise > least * range ? noise : 0.0;
 }
 
 /* Whether the noise of the position's column also shows in its differences from the integrated velocity: more
@@ -137,13 +140,15 @@ static bool is_confirmed(const lg_machine_data *data, uint32_t coordinate) {
 static void find_noise(const lg_machine_data *data, uint32_t coordinate, bool confirmed, double least,
                        lg_machine_noise *out) {
     const lg_log_coordinate *at = &data->file.coordinates[coordinate];
+    const uint32_t linear = at->velocities == 6 ? 3 : at->velocities; /* a pose has rates behind them */
     /* The angle is twice the change of a quaternion. */
     out->turn[coordinate] =
         (at->attitudes == 4 ? 2.0 : 1.0) * noise_of(data, at->attitude, at->attitudes, false, least);
     out->position[coordinate] =
         fmax(noise_of(data, at->place, at->places, confirmed, least), out->turn[coordinate]);
-    out->rate[coordinate] = at->velocities == 6 ? noise_of(data, at->velocity + 3, 3, false, least) : 0.0;
-    out->velocity[coordinate] = noise_of(data, at->velocity, at->velocities, confirmed, least);
+    out->rate[coordinate] = noise_of(data, at->velocity + linear, at->velocities - linear, false, least);
+    out->velocity[coordinate] =
+        fmax(noise_of(data, at->velocity, linear, confirmed, least), out->rate[coordinate]);
 }
 
 /* Unconfirmed noise below 2e-4 of a range is ignored: it does not justify estimated starts, and uneven time

@@ -87,14 +87,9 @@ void lg_held_out_destroy(lg_held_out *held) {
 }
 
 bool lg_held_out_has(const lg_held_out *held, size_t row, size_t rows) {
-    size_t low = 0, high = held->count;
-    while (low < high) { /* the first window that ends at or after `row` */
-        const size_t middle = (low + high) / 2;
-        if (held->start[middle] + held->steps < row)
-            low = middle + 1;
-        else
-            high = middle;
-    }
+    size_t low = 0; /* the first window that ends at or after `row` */
+    for (size_t step = held->count; step > 0; step /= 2)
+        while (low + step <= held->count && held->start[low + step - 1] + held->steps < row) low += step;
     return low < held->count && held->start[low] + 1 < row + rows;
 }
 

@@ -241,11 +241,6 @@ lg_status lg_machine_run(const void *user, const lg_machine_log *log, const size
     return LG_OK;
 }
 
-lg_status lg_machine_horizon(const lg_learned_machine *model, const lg_machine_log *log, double seconds,
-                             size_t every, lg_horizon *out, lg_error *error) {
-    return lg_horizon_of(model, lg_machine_run, model, log, seconds, every, out, error);
-}
-
 /* ---- the rows that estimate a start ---- */
 
 /* The sum of the logarithms of the errors up to horizons of 2, 8, 32, ... rows. Errors below a thousandth of
@@ -384,31 +379,5 @@ lg_status lg_held_out_judge(const lg_held_out *held, const lg_learned_machine *m
             }
         square[i] = count > 0 ? sum / count : NAN;
     }
-    return LG_OK;
-}
-
-/* ---- residuals of windows ---- */
-
-lg_status lg_machine_residuals(const lg_learned_machine *model, const lg_machine_problem *problem,
-                               lg_machine_noise *out, lg_error *error) {
-    lg_point_error e[LG_POINT_ERRORS];
-    lg_squares of[LG_MACHINE_COORDINATES][2] = {{{0, 0}}}; /* positions, velocities */
-    LG_CLEAN(runs_end)
-    runs r = {model->context,
-              model->machine,
-              .log = &problem->log,
-              .steps = problem->window - 1,
-              .count = problem->windows - problem->validation,
-              .start = problem->start};
-    LG_TRY(predict(lg_machine_run, model, &r, error));
-    for (size_t i = 0; i < r.count; i++)
-        for (size_t step = 1; step <= r.steps; step++) {
-            const size_t count = errors_at(&r, i, step, false, false, e);
-            for (size_t k = 0; k < count; k++)
-                lg_squares_add(&of[e[k].coordinate][e[k].kind >= LG_ERROR_VELOCITY],
-                               (e[k].kind == LG_ERROR_ROTATION ? sqrt(0.5) : 1.0) * e[k].error);
-        }
-    for (uint32_t i = 0; i < r.machine->coordinate_count; i++)
-        out->position[i] = lg_squares_root(&of[i][0]), out->velocity[i] = lg_squares_root(&of[i][1]);
     return LG_OK;
 }

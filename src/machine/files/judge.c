@@ -163,10 +163,8 @@ static lg_status find_expected(const lg_training *self, const double *theta, lg_
     lg_machine_noise noise;
     lg_machine_expected expected;
     lg_machine_data_traces(&s->data, &noise);
-    for (uint32_t i = 0; i < coordinates; i++) {
+    for (uint32_t i = 0; i < coordinates; i++)
         if (s->noise.position[i] > 0.0) noise.position[i] = s->noise.position[i];
-        if (s->noise.velocity[i] > 0.0) noise.velocity[i] = s->noise.velocity[i];
-    }
     LG_TRY(lg_machine_expect(self->context, &s->problem, theta, &noise, &expected, error));
     what->tolerated =
         /* A model whose runs are not finite must not make a large loss acceptable. */
@@ -176,7 +174,7 @@ static lg_status find_expected(const lg_training *self, const double *theta, lg_
         if (!(s->noise.position[i] > 0.0)) what->tolerated += small * small * expected.change.position[i];
         if (!(s->noise.velocity[i] > 0.0)) what->tolerated += small * small * expected.change.velocity[i];
     }
-    what->expected = what->tolerated + fmin(self->floor, what->tolerated);
+    what->expected = what->tolerated + fmin(expected.steps, what->tolerated);
     return LG_OK;
 }
 

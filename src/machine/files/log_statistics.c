@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "core/median.h"
+#include "liegrad/geometry.h"
 #include "machine/files/log_table.h"
 
 size_t lg_log_file_end(const lg_log_table *table, size_t first) {
@@ -34,42 +35,59 @@ size_t lg_log_sample(const lg_log_table *table, uint32_t column, size_t first, s
 /* ---- noise ---- */
 
 enum { FIRST_ORDER = 3, LAST_ORDER = 6, FEWEST_WINDOWS = 8 };
-#define NORMAL_MEDIAN 0.6744897501960817 /* median of |x| for standard normal x */
-#define WHITE         0.8                /* residuals of white noise stay as large when the order rises */
+#define WHITE 0.8 /* residuals of white noise stay as large when the order rises */
+
+/* Columns with one noise: one column, the numbers of an attitude, or (3) the velocity of a direction, whose
+ * columns begin at `across` (an attitude: its own). */
+typedef struct columns {
+    uint32_t first, count, across;
+} columns;
 
 /* Divided difference of order k over rows row .. row + k, divided by the root of the sum of its squared
- * coefficients. For white noise it has the noise's standard deviation, whatever the time steps are. */
-static double residual(const lg_log_table *table, uint32_t column, size_t row, int k) {
-    double sum = 0, squares = 0;
+ * coefficients; of several columns the length. White noise makes each component a number with the noise's
+ * standard deviation, whatever the time steps are. Noise of a direction makes noise of omega along it, which
+ * the loss does not count. */
+static double residual(const lg_log_table *table, const columns *of, size_t row, int k) {
+    double sums[9] = {0}, squares = 0, length = 0, along = 0;
     const double span = lg_log_time(table, row + (size_t)k) - lg_log_time(table, row);
     for (int i = 0; i <= k; i++) {
         double below = 1;
         const double t = lg_log_time(table, row + (size_t)i);
         for (int j = 0; j <= k; j++)
             if (j != i) below *= (t - lg_log_time(table, row + (size_t)j)) / span;
-        sum += lg_log_row(table, row + (size_t)i)[column] / below;
+        for (uint32_t c = 0; c < of->count; c++)
+            sums[c] += lg_log_row(table, row + (size_t)i)[of->first + c] / below;
         squares += 1 / (below * below);
     }
-    return sum / sqrt(squares);
+    if (of->across != of->first) along = lg_dot3(sums, lg_log_row(table, row + (size_t)k / 2) + of->across);
+    for (uint32_t c = 0; c < of->count; c++) length += sums[c] * sums[c];
+    length -= along * along;
+    return sqrt(length < 0 ? 0 : length / squares); /* NaN stays NaN */
 }
 
-/* Robust standard deviation of the residuals of order k; NaN: too few rows. `work` has LG_LOG_SAMPLES
- * numbers. */
-static double deviation(const lg_log_table *table, uint32_t column, int k, double *work) {
+/* Robust standard deviation of a component of the residuals of order k; NaN: too few rows. `work` has
+ * LG_LOG_SAMPLES numbers. */
+static double deviation(const lg_log_table *table, const columns *of, int k, double *work) {
+    /* Medians of the length of 1, 2 and 3 standard normal numbers; times sqrt(2) for a matrix, whose nine
+     * numbers have the squares of three angles twice. */
+    static const double medians[] = {[1] = 0.6744897501960817,
+                                     [3] = 1.1774100225154747,
+                                     [4] = 1.5381722544550522,
+                                     [9] = 2.1753040635163345};
     const size_t stride = table->rows / LG_LOG_SAMPLES + 1;
     size_t count = 0;
     double squares = 0;
     for (size_t part = 0; part < table->parts; part++) {
         for (size_t row = table->first[part]; row + (size_t)k < table->first[part + 1]; row += stride) {
-            const double r = residual(table, column, row, k);
+            const double r = residual(table, of, row, k);
             if (!isfinite(r) || count == LG_LOG_SAMPLES) continue;
             squares += r * r;
-            work[count++] = fabs(r);
+            work[count++] = r;
         }
     }
     if (count < FEWEST_WINDOWS) return NAN;
     qsort(work, count, sizeof *work, lg_compare_doubles);
-    const double median = work[count / 2] / NORMAL_MEDIAN;
+    const double median = work[count / 2] / medians[of->count];
     /* In a column of coarsely rounded numbers most residuals are 0. */
     return median > 0 ? median : sqrt(squares / (double)count);
 }
@@ -94,30 +112,39 @@ lg_log_steps lg_log_steps_of(const lg_log_table *table, uint32_t column, size_t 
     return out;
 }
 
-static void find_noise(const lg_log_table *table, uint32_t column, double *work) {
-    lg_log_statistics *s = &table->out->columns[column];
-    s->noise = deviation(table, column, FIRST_ORDER, work);
-    s->noise_at_most = false;
-    for (int k = FIRST_ORDER + 1; k <= LAST_ORDER; k++) {
-        const double next = deviation(table, column, k, work);
-        s->noise_at_most = next < WHITE * s->noise;
-        if (!s->noise_at_most) break;
-        s->noise = next;
+static void find_noise(const lg_log_table *table, const columns *of, double *work) {
+    double noise = deviation(table, of, FIRST_ORDER, work);
+    bool at_most = true;
+    for (int k = FIRST_ORDER + 1; k <= LAST_ORDER && at_most; k++) {
+        const double next = deviation(table, of, k, work);
+        at_most = next < WHITE * noise;
+        noise = fmin(noise, next); /* the last order is nearer to the noise, too: it has less of the motion */
     }
-    /* Rounding to steps makes an error of step/sqrt(12). In a slow column the error is the same in many rows,
-     * and differences do not show it. */
-    const lg_log_steps steps = lg_log_steps_of(table, column, 0, table->rows, work);
-    const bool rounded = steps.exact && table->machine->columns[column].role != LG_LOG_INPUT;
-    const double rounding = rounded ? steps.least / sqrt(12) : 0;
-    if (rounding > s->noise) s->noise = rounding, s->noise_at_most = false;
-    /* Rounding error is not noise. */
-    if (s->noise < 4 * DBL_EPSILON * fmax(fabs(s->low), fabs(s->high))) s->noise = 0;
+    for (uint32_t c = of->first; c < of->first + of->count; c++) {
+        lg_log_statistics *s = &table->out->columns[c];
+        /* Rounding to steps makes an error of step/sqrt(12). In a slow column the error is the same in many
+         * rows, and differences do not show it. */
+        const lg_log_steps steps = lg_log_steps_of(table, c, 0, table->rows, work);
+        const bool rounded = steps.exact && table->machine->columns[c].role != LG_LOG_INPUT;
+        const double rounding = rounded ? steps.least / sqrt(12) : 0;
+        s->noise = noise, s->noise_at_most = at_most;
+        if (rounding > noise) s->noise = rounding, s->noise_at_most = false;
+        /* Rounding error is not noise. */
+        if (s->noise < 4 * DBL_EPSILON * fmax(fabs(s->low), fabs(s->high))) s->noise = 0;
+    }
 }
 
 lg_status lg_log_find_noise(const lg_log_table *table) {
     LG_TRY_SCRATCH(double, work, table->context, LG_LOG_SAMPLES, lg_log_no_memory(table));
     for (uint32_t i = 0; i < table->columns; i++)
-        if (lg_log_is_value(table, i)) find_noise(table, i, work);
+        if (lg_log_is_value(table, i)) find_noise(table, &(columns){i, 1, i}, work);
+    for (uint32_t i = 0; i < table->machine->machine.coordinate_count; i++) {
+        const lg_log_coordinate *at = &table->machine->coordinates[i];
+        const uint32_t a = at->attitude;
+        if (at->attitudes > 0) find_noise(table, &(columns){a, at->attitudes, a}, work);
+        if (at->attitudes == 3 && at->velocities == 3)
+            find_noise(table, &(columns){at->velocity, 3, a}, work);
+    }
     return LG_OK;
 }
 

@@ -356,7 +356,7 @@ static lg_status evaluate(lg_training *self, const void *from, lg_error *error) 
     lg_horizon found;
     LG_TRY(lg_machine_refuse_momenta(&s->data.file, self->model, error));
     LG_TRY(lg_machine_window_loss(&model, log, run->window, &loss, error));
-    LG_TRY(lg_machine_horizon(&model, log, 1.0, EVERY, &found, error));
+    LG_TRY(lg_horizon_of(&model, lg_machine_run, &model, log, 1.0, EVERY, &found, error));
     LG_TELL(self, LG_REAL("window_loss", loss, "mean over windows and rows, in the units of the logs"),
             LG_REAL("horizon", found.seconds, "s of free runs; the root mean squares of their errors:"));
     for (int e = 0; e < LG_RUN_ERRORS; e++)

@@ -195,18 +195,11 @@ size_t lg_log_starts(const lg_machine *machine, const lg_machine_log *log, size_
 lg_status lg_horizon_of(const lg_learned_machine *model, lg_runner *runner, const void *user,
                         const lg_machine_log *log, double seconds, size_t every, lg_horizon *out,
                         lg_error *error);
-/* As lg_horizon_of for the runs of lg_machine_run. */
-lg_status lg_machine_horizon(const lg_learned_machine *model, const lg_machine_log *log, double seconds,
-                             size_t every, lg_horizon *out, lg_error *error);
 /* Mean over all windows of `window` rows and their points 2..M of: the mean square of each coordinate's
  * places (angles wrapped), the squared angles of directions and rotations, and the mean square of all
  * velocities. NaN: there is no window, or accelerations are measured. */
 lg_status lg_machine_window_loss(const lg_learned_machine *model, const lg_machine_log *log, uint32_t window,
                                  double *out, lg_error *error);
-/* Root mean square errors of each coordinate's positions (radians; chords of directions and rotations) and
- * velocities over the problem's training windows, predicted from measured starts. NaN: not measured. */
-lg_status lg_machine_residuals(const lg_learned_machine *model, const lg_machine_problem *problem,
-                               lg_machine_noise *out, lg_error *error);
 
 /* ---- a few numbers for a new log (adapt.c) ---- */
 

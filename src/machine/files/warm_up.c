@@ -149,7 +149,7 @@ double lg_log_speed(const lg_machine *machine, const lg_machine_log *log, uint32
     for (size_t row = 0; row < log->rows; row++)
         for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
             lg_squares_add(&squares, lg_log_shown(log)[row * machine->velocities + k]);
-    return squares.count > 0 ? lg_squares_root(&squares) : 0.0;
+    return fmax(lg_squares_root(&squares), 0.0);
 }
 
 /* Scales of the loss: the root mean square of a coordinate's velocities, and half the way that this covers in
@@ -369,21 +369,23 @@ static lg_status fit_problem(lg_training *self, lg_machine_problem *problem, dou
  * count alike. *changed: a scale was enlarged. */
 static lg_status balance(lg_training *self, const lg_machine *machine, const double *theta, bool *changed,
                          lg_error *error) {
-    static const double tolerated = 2.0;
-    lg_machine_noise found;
+    static const double tolerated = 2.0, silent = 1e100;
     lg_machine_model_run *run = self->run;
     lg_machine_state *s = self->state;
-    const lg_learned_machine model = {.machine = machine,
-                                      .theta = theta,
-                                      .scheme = run->scheme,
-                                      .substeps = run->substeps,
-                                      .context = self->context};
     *changed = false;
     if (s->data.file.measured >= LG_MEASURED_VELOCITIES_ONLY) return LG_OK;
-    LG_TRY(lg_machine_residuals(&model, &s->problem, &found, error));
     for (uint32_t i = 0; i < machine->coordinate_count; i++) {
-        const double q = found.position[i] / run->position_scale[i],
-                     v = found.velocity[i] / run->velocity_scale[i];
+        lg_machine_problem each = short_windows(self, machine, s->problem.window);
+        double loss[2];
+        each.starts = LG_MACHINE_STARTS_MEASURED;
+        for (int k = 0; k < 2; k++) {
+            for (uint32_t j = 0; j < machine->coordinate_count; j++)
+                each.position_scale[j] = each.velocity_scale[j] = silent;
+            if (k == 0) each.position_scale[i] = s->problem.position_scale[i];
+            if (k == 1) each.velocity_scale[i] = s->problem.velocity_scale[i];
+            LG_TRY(lg_machine_loss(self->context, &each, theta, &loss[k], NULL, error));
+        }
+        const double q = sqrt(loss[0]), v = sqrt(loss[1]);
         if (!(q > tolerated * v && v > 0.0 && isfinite(q)) || s->noise.position[i] > 0.0) continue;
         run->position_scale[i] = s->problem.position_scale[i] *= q / v;
         *changed = true;
