@@ -15,11 +15,10 @@
  *   lg_fit_destroy(fit);                                      (only if lg_fit_create succeeded)
  *
  * Words. A method is Adam or a minimiser (SSBroyden, L-BFGS, Levenberg-Marquardt; liegrad/minimise.h). Adam
- * takes a step per batch, and an epoch is one pass over all training samples. A minimiser works with the loss
- * of all training samples, and an epoch is one evaluation of loss and derivatives. A plan is a sequence of
- * methods, called phases. The criterion of an epoch is its validation loss, or its training loss if there is
- * no validation part. A shard is a contiguous piece of a batch that has its own tape and gradient; threads
- * work on different shards at once.
+ * takes a step per batch; its epoch is one pass over all training samples. An epoch of a minimiser is one
+ * evaluation of the loss of all training samples and its derivatives. A plan is a sequence of methods, called
+ * phases. The criterion of an epoch is its validation loss, or its training loss without validation part. A
+ * shard is a contiguous piece of a batch with its own tape and gradient; threads work on different shards.
  *
  * Only one thread at a time may call the functions of an lg_fit.
  */
@@ -79,12 +78,10 @@ LG_API double lg_schedule_rate(const lg_schedule *schedule, uint64_t epoch, uint
 /* Default of lg_fit_problem.chunk. */
 #define LG_FIT_CHUNK 128
 
-/* The learning problem. lg_fit copies this struct, and borrows everything that it points to. Set members that
- * are not needed to 0 or NULL. The callbacks `loss`, `gradient`, `residuals` and `linearise` are called by
- * several threads at once, each with its own tape. All callbacks must be pure functions of their arguments. A
- * callback that fails returns a status other than LG_OK, which ends lg_fit_run; so does a tape that fails.
- * Their argument `samples` lists indices of samples, from 0. A batch has `batch` samples, and a callback
- * gets a part of it, `count` >= 1 samples. */
+/* The learning problem. lg_fit copies this struct, and borrows what it points to. Set members that are not
+ * needed to 0 or NULL. All callbacks must be pure functions of their arguments; several threads call `loss`,
+ * `gradient`, `residuals` and `linearise` at once, each with its own tape. The status of a callback or tape
+ * that fails ends lg_fit_run. `samples` lists indices from 0: `count` >= 1 samples of a batch of `batch`. */
 typedef struct lg_fit_problem {
     size_t parameters; /* length of theta, 1 to 2^32 - 1 */
     size_t samples;    /* size of the data set, validation part included, 1 to 2^32 - 1 */
@@ -109,16 +106,15 @@ typedef struct lg_fit_problem {
     lg_status (*residuals)(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                            size_t batch, lg_var *r);
     /* For LG_FIT_LM. If > 0, the last own * samples elements of theta belong to single samples: the first
-     * `own` of them to sample 0, the next `own` to sample 1, and so on. The residuals of a sample may depend
-     * only on the elements before all these, which all samples share, and on its own ones. LG_FIT_LM then
-     * computes derivatives by the own parameters of all samples at the same time, and eliminates these
-     * parameters. */
+     * `own` of them to sample 0, and so on. The residuals of a sample may depend only on these and on the
+     * elements before all of them. LG_FIT_LM differentiates by the own parameters of all samples at the same
+     * time, and eliminates them. */
     size_t own;
-    /* For LG_FIT_LM, may be NULL. Computes numerically what LG_FIT_LM otherwise gets by forward sweeps over
-     * `residuals`, at the values `theta`: *loss, r (count * rows) and the Jacobian of r (count * rows,
-     * columns). The columns belong to the shared parameters, followed by the `own` parameters of the row's
-     * sample. *loss, J^T r and J^T J must be those of `residuals`; components of r that are orthogonal to all
-     * columns of J may be left out. `tape` may be used for work. */
+    /* For LG_FIT_LM, may be NULL; LG_FIT_LM alone needs neither `loss` nor `residuals` then. Computes what it
+     * otherwise gets by forward sweeps over `residuals`, at the values `theta`: *loss, r (count * rows) and
+     * its Jacobian (count * rows, columns), by the shared parameters, then by the `own` ones of the row's
+     * sample. *loss, J^T r and J^T J must be those of `residuals`; components of r that are orthogonal
+     * to all columns of J may be left out. `tape` may be used for work. */
     lg_status (*linearise)(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
                            size_t count, size_t batch, double *loss, double *r, double *jacobian);
     size_t rows; /* rows of `linearise` per sample */
@@ -126,23 +122,21 @@ typedef struct lg_fit_problem {
      * error of. 0: unknown, and there is no prior. */
     size_t observations;
     size_t weights; /* the prior is on the first `weights` elements of theta; 0: on all */
-    /* (parameters) or NULL. Methods other than Adam add the sum of decay[i]/2 theta_i^2 to the loss, in
-     * addition to the weight decay of the options. Reported losses do not contain it. */
+    /* (parameters) or NULL. Minimisers add the sum of decay[i]/2 theta_i^2 to the loss, in addition to the
+     * weight decay of the options. Reported losses do not contain it. */
     const double *decay;
     /* Largest number of samples that are on a tape at once; a larger shard is processed in pieces. Small
      * pieces keep the values in the processor's cache. 0: LG_FIT_CHUNK. */
     size_t chunk;
     /* True: `loss` usually records the same operations for the same number of samples, and only the values
-     * of leaves (lg_input, lg_parameter) differ. lg_fit then makes a plan (liegrad/program.h) of the
-     * loss and its gradient. In fits of machines a plan is faster than the tape for every width of the
-     * layers. A plan of convolutions or of Lie group maps is slower than the tape (docs/reports/speed.md).
-     * Results of a plan differ from results of the tape by rounding. lg_fit_create records the loss once. If
-     * `loss` reads values from the tape, lg_fit uses the tape. */
+     * of leaves (lg_input, lg_parameter) differ. lg_fit_create records it once and makes a plan
+     * (liegrad/program.h) of the loss and its gradient, unless `loss` reads values from the tape. Results
+     * differ from the tape's by rounding. A plan is faster in fits of machines, for layers of every width,
+     * but slower for convolutions and Lie group maps (docs/reports/speed.md). */
     bool repeats;
-    /* May be NULL. It tells whether a model is dead, that is, whether it cannot learn any more
-     * (lg_fit_options.restarts). `theta` holds the current parameters. If the model is dead, it sets *dead to
-     * true and replaces `theta` by parameters to start again from, for restart number `number` = 1, 2, ... It
-     * is called on the thread of lg_fit_run, and may allocate memory. */
+    /* May be NULL. If the model with the parameters `theta` is dead, that is, cannot learn any more
+     * (lg_fit_options.restarts), it sets *dead to true and replaces `theta` by parameters for restart number
+     * `number` = 1, 2, ... It is called on the thread of lg_fit_run, and may allocate memory. */
     lg_status (*revive)(void *user, uint64_t number, double *theta, bool *dead);
 } lg_fit_problem;
 
@@ -154,9 +148,8 @@ typedef struct lg_fit lg_fit;
 
 /* ---- training: methods and plans ---- */
 
-/* Methods of training. There are more methods than this enum has names; lg_fit_plan_parse finds them by
- * name. "sgd": a step per batch, theta <- theta - lr rate m with m <- beta1 m + g, where g is the gradient;
- * it takes the options of Adam except beta2 and eps. */
+/* Methods of training. lg_fit_plan_parse finds more by name: "sgd" is a step per batch, theta <- theta - lr
+ * rate m with m <- beta1 m + g for the gradient g; it takes the options of Adam except beta2 and eps. */
 typedef enum lg_fit_method {
     LG_FIT_ADAM,      /* a step per batch; the samples have a new order in each epoch */
     LG_FIT_SSBROYDEN, /* LG_MINIMISE_SSBROYDEN; at most 10000 parameters */
@@ -183,9 +176,8 @@ typedef struct lg_fit_plan {
         uint32_t epochs; /* >= 1; in the last phase also 0: all epochs that are left */
     } phase[LG_FIT_MAX_PHASES];
 } lg_fit_plan;
-/* Reads a plan from a text: "ssbroyden", or "adam:100,ssbroyden" (100 epochs of Adam, then SSBroyden). With
- * `squares` false, for losses that are no sum of squares, methods that need such a sum are unknown. Errors:
- * LG_INVALID_ARGUMENT (an unknown method, or bad numbers). */
+/* Reads a plan from a text: "ssbroyden", or "adam:100,ssbroyden" (100 epochs of Adam, then SSBroyden).
+ * Without `squares`, methods that need a sum of squares are unknown. Errors: LG_INVALID_ARGUMENT. */
 LG_API lg_status lg_fit_plan_parse(const char *text, bool squares, lg_fit_plan *out, lg_error *error);
 /* Return whether any phase of the plan takes batches, and whether the last one does. */
 LG_API bool lg_fit_plan_batches(const lg_fit_plan *plan);
@@ -205,8 +197,7 @@ typedef enum lg_fit_end {
 /* ---- training: options ---- */
 
 /* The hyperparameters of lg_fit_options in the form of command lines and settings files (liegrad/settings.h).
- * Unless a comment says otherwise, a member has the meaning of the member of lg_fit_options with the same
- * name. */
+ * Members without a comment have the meaning of those of lg_fit_options. */
 typedef struct lg_fit_settings {
     lg_fit_plan plan;
     lg_dtype dtype;
@@ -229,9 +220,8 @@ typedef struct lg_fit_settings {
 /* The report about a finished epoch. */
 typedef struct lg_fit_epoch {
     uint64_t epoch, epochs; /* number of this epoch, counted from 1; planned number of epochs */
-    /* Adam: the mean of the batch losses, weighted by the number of samples; each batch loss is taken before
-     * the step on this batch. Other methods: the loss of all training samples at the best point so far,
-     * without weight decay and prior. */
+    /* Adam: the mean of the batch losses before their steps, weighted by the number of samples. Minimisers:
+     * the loss of all training samples at the best point so far, without weight decay and prior. */
     double loss;
     double validation; /* loss of the validation part after the epoch; NaN if there is no such part */
     double seconds;    /* wall time of the epoch */
@@ -246,21 +236,20 @@ typedef struct lg_fit_options {
     lg_dtype dtype;   /* type of tapes, parameters and Adam's moments; default LG_F64 */
     uint64_t epochs;  /* planned number of epochs, >= 1; default 100 */
     size_t batch;     /* samples per batch; the last batch of an epoch may be smaller; default 0: all */
-    /* Number of shards of a batch, 0 to 1024; a batch has at most as many shards as samples. Each shard has
-     * its own gradient, so take 1 for a model that is large compared with the batch; threads that have no
-     * shard then help with large matrix products. 0 (default): chosen by the amount of work, as the largest
-     * of 1, 2 and 4 such that each shard has at least 24 samples and 6e4 samples * parameters. It is more, up
-     * to 4, if a shard would otherwise have more than lg_fit_problem.chunk samples. */
+    /* Number of shards of a batch, 0 to 1024, at most its samples. Each shard has its own gradient, so take 1
+     * for a model that is large compared with the batch; threads without a shard then help with large matrix
+     * products. 0 (default): the largest of 1, 2 and 4 such that each shard has at least 24 samples and 6e4
+     * samples * parameters; more, up to 4, if a shard would otherwise have more than lg_fit_problem.chunk
+     * samples. */
     uint32_t shards;
     lg_adam_options adam; /* default: as set by lg_adam_options_init */
     lg_schedule schedule; /* default: constant */
     /* 0 (default): off. Otherwise the standard deviation s of the prior distribution N(0, s^2) of the
-     * weights. It keeps SSBroyden and L-BFGS from learning the noise in the data; the other methods do not
-     * use it. The variance v of the noise is estimated: it is 0 until 50 iterations have lowered the loss
-     * L by less than a tenth; then v is L. From then on L + W/2 |w|^2 is minimised with W = 2 v/(n s^2),
-     * which gives the most probable weights for normal noise. n is lg_fit_problem.observations, and w are the
-     * elements of theta selected by lg_fit_problem.weights. If L falls below v/2 later, v was too large and
-     * becomes 0 again. With keep_best the best epoch may be one before the prior acts. */
+     * weights w (lg_fit_problem.weights). It keeps SSBroyden and L-BFGS from learning the noise in the data;
+     * the other methods do not use it. When 50 iterations have lowered the loss L by less than a tenth, L is
+     * taken for the variance v of the noise. From then on L + W/2 |w|^2 with W = 2 v/(n s^2) and n =
+     * lg_fit_problem.observations is minimised: the most probable weights for normal noise. If L falls below
+     * v/2 later, v was too large and becomes 0 again. With keep_best the best epoch may be an earlier one. */
     double prior;
     double clip_norm;  /* bound on the Euclidean norm of Adam's gradient; default 0: no bound */
     uint64_t seed;     /* of the random numbers; default 1 */
@@ -269,13 +258,12 @@ typedef struct lg_fit_options {
     /* true: the result (lg_fit_parameters) are the parameters after the epoch with the lowest criterion.
      * false (default): the last parameters. */
     bool keep_best;
-    /* Training ends after this many epochs without a new lowest criterion. For a minimiser, accepted steps
-     * are counted instead of epochs. Default 0: no limit. */
+    /* Training ends after this many epochs, or accepted steps of a minimiser, without a new lowest
+     * criterion. Default 0: no limit. */
     uint64_t patience;
     /* Largest number of restarts of a dead model; default 0: none. If > 0, lg_fit_problem.revive is asked
-     * after each epoch. If the model is dead, training starts again with other parameters, at epoch 0 and
-     * with an empty history. There is no restart when the seconds are used up. With keep_best there is none
-     * either, if the best epoch's criterion is below 0.9 times the dead model's criterion. */
+     * after each epoch. A restart begins at epoch 0 with an empty history. There is none when the seconds are
+     * used up, or with keep_best if the best epoch's criterion is below 0.9 times the dead model's. */
     uint32_t restarts;
 
     /* The following options do not change what the epochs compute; they may differ between a save and a
@@ -291,26 +279,23 @@ typedef struct lg_fit_options {
     bool hurry;
     size_t max_tape_size;      /* limit in bytes on the tape of each shard; default 0: no limit */
     uint64_t checkpoint_every; /* `checkpoint` is called each time after this many epochs; default 0: never */
-    /* May be NULL. It is called on the thread of lg_fit_run when the state should be saved: as
-     * `checkpoint_every` says, and when lg_fit_run returns before the plan is finished, because of
-     * stop_after, the cancel flag or on_epoch. A status other than LG_OK ends lg_fit_run. With ranks it is
-     * called on rank 0 only. */
+    /* May be NULL. It is called on the thread of lg_fit_run, with ranks on rank 0 only, to save the state: as
+     * `checkpoint_every` says, and when stop_after, the cancel flag or on_epoch end lg_fit_run before the
+     * plan is finished. A status other than LG_OK ends lg_fit_run. */
     lg_status (*checkpoint)(void *user, const lg_fit *fit);
     /* May be NULL. It is called after each epoch. If it returns a number other than 0, lg_fit_run returns
      * LG_CANCELLED. With ranks it is called on every rank, and must return the same number on all. */
     int (*on_epoch)(void *user, const lg_fit_epoch *report);
     void *user; /* passed to `checkpoint` and `on_epoch` */
     /* NULL (default): one process. Otherwise ranks that train together (liegrad/core.h), which must outlive
-     * the fit. Each rank computes its part of the shards, so ranks beyond the number of shards have nothing
-     * to do. The result does not depend on the number of ranks. Wall times are measured on rank 0, and the
-     * cancel flag of any rank stops all ranks. */
+     * the fit. Each computes its part of the shards; ranks beyond the number of shards are idle. The result
+     * is the same for any number. Rank 0 measures wall times. The cancel flag of any rank stops all ranks. */
     const lg_ranks *ranks;
 } lg_fit_options;
 
 /* Sets the defaults that lg_fit_options names. */
 LG_API void lg_fit_options_init(lg_fit_options *options);
-/* Copies the hyperparameters to *options, and leaves its other members. keep_best becomes true if
- * training->validation > 0. */
+/* Copies the hyperparameters to *options, and sets keep_best if training->validation > 0. */
 LG_API void lg_fit_settings_apply(const lg_fit_settings *training, lg_fit_options *options);
 
 /* ---- training: running ---- */
@@ -324,11 +309,10 @@ LG_API lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *
 LG_API void lg_fit_destroy(lg_fit *fit);
 
 /* Trains, and returns LG_OK when training is finished (at once if it was before), or when options.stop_after
- * epochs are done. Otherwise it returns an error. In every case the state is between two batches: it can be
- * saved, and a further lg_fit_run continues from it with the same bits as a run that was never interrupted.
- * The gradients and losses of the shards are added in a fixed order, so the result depends on options.shards,
- * to the last bit, but not on options.threads. After the first batches no memory is allocated. With ranks it
- * is collective. Errors:
+ * epochs are done. In every case, also after an error, the state is between two batches: it can be saved, and
+ * a further lg_fit_run continues with the same bits as a run that was never interrupted. Results depend on
+ * options.shards, to the last bit, but not on options.threads. After the first batches no memory is
+ * allocated. With ranks it is collective. Errors:
  * - LG_CANCELLED: the context's cancel flag, which is read between batches, or on_epoch
  * - LG_NOT_FINITE: a loss, gradient, parameter or moment of Adam is NaN or infinite. The state is the one
  *   before this step. The message names the epoch, the batch and the value. A minimiser only fails if this
@@ -337,9 +321,8 @@ LG_API void lg_fit_destroy(lg_fit *fit);
  *   between ranks */
 LG_API lg_status lg_fit_run(lg_fit *fit, lg_error *error);
 
-/* Return whether and why training is finished. A fit that is finished because its seconds are used up can be
- * continued: save it, and load the state into a fit that has more seconds. The sentence has no full stop and
- * static storage; it is "" while training is not finished. */
+/* Return whether and why training is finished. A fit whose seconds are used up can be continued: save it, and
+ * load the state into a fit with more seconds. The sentence has static storage and is "" before the end. */
 LG_API bool lg_fit_finished(const lg_fit *fit);
 LG_API lg_fit_end lg_fit_why_finished(const lg_fit *fit);
 LG_API const char *lg_fit_end_sentence(const lg_fit *fit);
@@ -347,8 +330,8 @@ LG_API const char *lg_fit_end_sentence(const lg_fit *fit);
 LG_API lg_fit_method lg_fit_method_now(const lg_fit *fit);
 
 /* Saves the whole state, as optimizer/..., rng, minimise/... (lg_minimiser_save) and train/... With ranks,
- * only rank 0 can save, in `checkpoint` and after lg_fit_run; the state can be loaded by any number of ranks.
- * Errors: the status of the writer, LG_UNSUPPORTED (this rank does not have the whole state). */
+ * only rank 0 can save, in `checkpoint` and after lg_fit_run; any number of ranks can load the state. Errors:
+ * the status of the writer, LG_UNSUPPORTED (this rank does not have the whole state). */
 LG_API lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer, lg_error *error);
 /* Replaces the state by a saved one. On failure the state is unchanged. With ranks it is collective. Errors:
  * LG_INVALID_ARGUMENT (a hyperparameter, the number of parameters or the number of samples differs: the
@@ -357,8 +340,8 @@ LG_API lg_status lg_fit_save(const lg_fit *fit, const lg_archive_writer *writer,
  * reader. */
 LG_API lg_status lg_fit_load(lg_fit *fit, const lg_archive_reader *reader, lg_error *error);
 
-/* Copies the result to theta (problem->parameters doubles): with options.keep_best the parameters of the best
- * epoch, if an epoch is finished; otherwise the current parameters. */
+/* Copies the parameters (problem->parameters doubles): the current ones, or with options.keep_best those of
+ * the best epoch, if an epoch is finished. */
 LG_API void lg_fit_parameters(const lg_fit *fit, double *theta);
 LG_API uint64_t lg_fit_epochs_done(const lg_fit *fit); /* number of finished epochs */
 LG_API uint64_t lg_fit_steps_done(const lg_fit *fit);  /* steps of Adam plus evaluations of minimisers */
@@ -373,8 +356,7 @@ typedef enum lg_fit_series { LG_FIT_LOSS, LG_FIT_VALIDATION, LG_FIT_SECONDS, LG_
 #define LG_FIT_SERIES_COUNT 4
 /* Returns one number per finished epoch. Borrowed until the next lg_fit_run or lg_fit_load. */
 LG_API const double *lg_fit_history(const lg_fit *fit, lg_fit_series series);
-/* Returns the median wall time of an epoch. The first epoch is left out, unless it is the only one; NaN if no
- * epoch is finished. */
+/* Returns the median wall time of the epochs after the first, or of the only one; NaN without epochs. */
 LG_API double lg_fit_seconds_per_epoch(const lg_fit *fit);
 /* How this process has spent its time in lg_fit_run, and what it has exchanged with other ranks. */
 typedef struct lg_fit_cost {
@@ -407,22 +389,19 @@ typedef struct lg_fit_newton_result {
 } lg_fit_newton_result;
 
 /* Minimises the loss of all samples to rounding by lg_minimise (liegrad/minimise.h), whose last steps are
- * Newton's, with a Hessian from differences of gradients, where there are at most 200 parameters. theta
- * (problem->parameters doubles) is the start on entry and the result on return. Of the problem only
- * parameters, samples, loss, user and, without a loss, residuals are read. All samples are on one tape of
- * doubles. `result` may be NULL. Returns LG_OK also where lg_minimise returns LG_NO_CONVERGENCE. On failure
- * theta is unchanged. Errors: LG_INVALID_ARGUMENT (no samples, or the number of parameters is not in
- * 1..LG_NEWTON_MAX_PARAMETERS), LG_NOT_FINITE, LG_CANCELLED, the status of the callback or of the tape. */
+ * Newton's for at most 200 parameters. theta (problem->parameters doubles) is the start on entry and the
+ * result on return. Reads of the problem what lg_fit_problem_loss reads, except validation and chunk: all
+ * samples are on one tape of doubles. `result` may be NULL. Returns LG_OK also where lg_minimise returns
+ * LG_NO_CONVERGENCE. On failure theta is unchanged. Errors: LG_INVALID_ARGUMENT (no samples, or the number of
+ * parameters is not in 1..LG_NEWTON_MAX_PARAMETERS), LG_NOT_FINITE, LG_CANCELLED, those of `loss`. */
 LG_API lg_status lg_fit_newton(const lg_context *context, const lg_fit_problem *problem, double *theta,
                                lg_fit_newton_result *result);
 
 /* ---- training of programs ----
  *
- * lg_program_fit finds the parameters of a program (liegrad/program.h) for which one of its functions, the
- * loss or the residuals, becomes as small as possible over rows of data. A program that was loaded from a
- * file can be trained in the same way.
- *
- * In this example the program has the functions `value` and `error` = value - wanted:
+ * lg_program_fit finds the parameters of a program (liegrad/program.h), which may come from a file, for which
+ * one of its functions, the loss or the residuals, becomes as small as possible over rows of data. Here the
+ * program has the functions `value` and `error` = value - wanted:
  *
  *   lg_program_build(NULL, &spec, &program, &error);
  *   const double *const data[] = {x, wanted};
@@ -437,16 +416,14 @@ typedef struct lg_program_fit_result {
     double seconds;       /* wall time */
     uint64_t epochs;      /* finished epochs; for a minimiser, evaluations */
     /* Why training is finished: a sentence without a full stop, static storage. "the planned epochs are
-     * done": the limit of epochs or evaluations was reached, and the loss may fall further with a higher
-     * limit. */
+     * done": with a higher limit of epochs or evaluations the loss may fall further. */
     const char *end;
     uint32_t start; /* number of the best start, from 0; 0 without lg_fit_starts */
 } lg_program_fit_result;
 
-/* Random starts of a training, because the training of a network can end in a poor minimum. draw is called
- * for each parameter of the program; `values` are its `count` numbers as the program has them, and draw may
- * replace them. Each start has its own random numbers. For an lg_mlp, `draw` is lg_mlp_draw and `user` is the
- * address of the lg_mlp. A parameter that is no network, such as a mass, keeps its value then. */
+/* Random starts of a training, because the training of a network can end in a poor minimum. draw may replace
+ * the `count` values of each parameter of the program. Each start has its own random numbers. For an lg_mlp,
+ * `draw` is lg_mlp_draw and `user` its address; a parameter that is no network keeps its value then. */
 typedef struct lg_fit_starts {
     uint32_t count; /* number of starts, >= 1 */
     void (*draw)(void *user, size_t parameter, size_t count, lg_rng *rng, double *values);
@@ -457,22 +434,19 @@ typedef struct lg_fit_starts {
 /* Trains all parameters of the program. The first output of `function` decides what is minimised:
  *   batched (B, ...)          the mean of the squares of all its numbers, over all rows
  *   shared, with one number   this number itself, which must be a mean over the rows (as lg_mean computes it)
- * Rows are trained on in pieces, so rows must not depend on each other, and a sum over rows would give wrong
- * results. Both are tested before and after training, on up to 8 rows from all over the data: their loss
- * together must be the mean of their single losses.
+ * Rows are trained on in pieces, so they must not depend on each other, and a sum over them would be wrong.
+ * Both are tested before and after training: the loss of up to 8 rows must be the mean of their losses.
  *
  * data[i] are the values of input i: `rows` rows, one after the other; for a shared input its single value.
  *
- * `options` NULL: trains in double precision with at most 1000 evaluations, fewer if the loss does not fall
- * any more. The method is L-BFGS for more than 2000 numbers in the parameters, otherwise Levenberg-Marquardt
- * if a sum of squares is minimised and there are at most 64 numbers, otherwise SSBroyden. To change one of
- * these options, begin with lg_program_fit_options_init, not with lg_fit_options_init, whose method is Adam.
- * If the data have noise and the parameters are weights of a network, set `prior`, such as 0.1. It acts
- * with SSBroyden and L-BFGS on an output with a value per row.
+ * `options` NULL: trains in double precision with at most 1000 evaluations. The method is L-BFGS for more
+ * than 2000 numbers in the parameters, else Levenberg-Marquardt for a sum of squares and at most 64 numbers,
+ * else SSBroyden. To change one of these options, begin with lg_program_fit_options_init, not with
+ * lg_fit_options_init, whose method is Adam. If the data have noise and the parameters are weights of a
+ * network, set `prior`, such as 0.1. It acts with SSBroyden and L-BFGS on an output with a value per row.
  *
- * `starts` NULL: training begins with the parameters of the program. Otherwise it is repeated from each
- * start, and the parameters with the lowest loss are kept. A start whose training fails with LG_NOT_FINITE
- * is skipped. The result describes the best start, but its seconds are the time of all starts.
+ * `starts` NULL: training begins with the parameters of the program. Otherwise the best of all starts is
+ * kept; one that fails with LG_NOT_FINITE is skipped. The result describes it, with the seconds of all.
  *
  * On success the parameters of the program are replaced. On failure the program is unchanged. `result` may be
  * NULL. Errors: LG_NOT_FOUND (no such function), LG_INVALID_ARGUMENT (no rows, no starts; the output depends
@@ -483,14 +457,57 @@ LG_API lg_status lg_program_fit(const lg_context *context, lg_program *program, 
                                 const double *const *data, size_t rows, const lg_fit_options *options,
                                 const lg_fit_starts *starts, lg_program_fit_result *result, lg_error *error);
 
-/* Sets the options that lg_program_fit takes if its `options` are NULL. Errors: LG_INVALID_ARGUMENT,
- * LG_NOT_FOUND, LG_UNSUPPORTED, as for lg_program_fit. */
+/* Sets the options that lg_program_fit takes if its `options` are NULL. Errors: those of lg_program_fit. */
 LG_API lg_status lg_program_fit_options_init(const lg_program *program, const char *function,
                                              lg_fit_options *options, lg_error *error);
-/* Computes what lg_program_fit minimises, with the parameters of the program and for other data, such as rows
- * that were not learned. Errors: those of lg_program_fit. */
+/* Computes what lg_program_fit minimises, for other data. Errors: those of lg_program_fit. */
 LG_API lg_status lg_program_loss(const lg_context *context, const lg_program *program, const char *function,
                                  const double *const *data, size_t rows, double *loss, lg_error *error);
+
+/* ---- a step function, from a log ----
+ *
+ * lg_program_fit_log finds the parameters, and their errors, with which the function `step` of a program
+ * (x (n), u (m), h (1) -> the state x (n) after the time h; u may be missing) follows a log.
+ * lg_program_add_step makes such a function. `seen` (x -> y (k)) is what is measured; NULL: x itself.
+ *
+ *   double error[6];
+ *   lg_program_log_result found = {.error = error};
+ *   const lg_program_log log = {.rows = rows, .t = t, .u = u, .y = y};
+ *   lg_program_fit_log(NULL, program, "step", "seen", &log, NULL, &found, &message);
+ *
+ * The log is cut into windows, which share no row and whose first states are estimated, too. Short windows
+ * forgive a poor guess of the parameters and disturbances; whole runs give the smallest errors. */
+typedef struct lg_program_log {
+    size_t rows;
+    const double *t, *u; /* (rows) times, rising in a run; (rows, m) inputs, each held until the next row */
+    const double *y;     /* (rows, k) measured values; NaN: not measured */
+    const size_t *first; /* (runs) first rows of the runs, rising from 0; NULL: one run */
+    size_t runs, window; /* window: rows of a window, >= 2; a run is cut into equal ones; 0: whole runs */
+    const double
+        *scale; /* (k) deviations of the noise in y; NULL: found by repeated fits (maximum likelihood) */
+    const double *guess; /* (rows, n) states; NULL: measured values that depend on one state, otherwise 0 */
+} lg_program_log;
+
+typedef struct lg_program_log_result {
+    double *error; /* (P) standard errors of the P numbers in the parameters; infinite: not determined */
+    double
+        *covariance; /* (P, P); an infinite variance has zeros in its row. All three may be NULL on entry. */
+    double *noise;   /* (k) standard deviations of the residuals; NaN without a measured value */
+    size_t open;     /* numbers that the log does not determine */
+    double loss;     /* mean square of the residuals, each y in units of its standard deviation */
+    double block;    /* 0: white residuals. Otherwise errors come from sums over blocks of so many seconds */
+    uint64_t epochs; /* evaluations */
+    const char *end; /* as in lg_program_fit_result */
+} lg_program_log_result;
+
+/* `options` NULL: at most 200 evaluations. The method is Levenberg-Marquardt. Results do not depend on units.
+ * On failure program and *result are unchanged. Errors: LG_NOT_FOUND, LG_SHAPE (functions), LG_UNSUPPORTED
+ * (no or too many parameters), LG_INVALID_ARGUMENT (the log, a window longer than all runs, too few measured
+ * values), LG_NOT_FINITE (u, y; the loss at the start), those of lg_fit_run. */
+LG_API lg_status lg_program_fit_log(const lg_context *context, lg_program *program, const char *step,
+                                    const char *seen, const lg_program_log *log,
+                                    const lg_fit_options *options, lg_program_log_result *result,
+                                    lg_error *error);
 
 LG_END_DECLS
 

@@ -1,7 +1,7 @@
-/* Machines: forced, damped mechanical systems that are learned from logs. A reader finds here the
- * description of a machine (coordinates, terms, named systems), its formulas on a tape, logs, training on
- * windows of logs, what the logs say about the identified numbers, predictions, and the files. The library
- * is liegrad; from the section on machine files on it is liegrad_io. docs/machines.md is the guide.
+/* Machines: forced, damped mechanical systems that are learned from logs: their description (coordinates,
+ * terms, named systems), formulas on a tape, logs, training on windows of logs, errors of the identified
+ * numbers, predictions, files. Library liegrad; from the section on machine files on liegrad_io. Guide:
+ * docs/machines.md.
  *
  * The configuration is a product of coordinates. With velocities v, momenta p = M(q) v and H = 1/2 p^T
  * M(q)^-1 p + V(q):
@@ -360,9 +360,8 @@ typedef struct lg_machine_log {
     const double *a;
 } lg_machine_log;
 
-/* Keeps the lagged inputs of a log (lg_machine.lagged) at all its rows for the last time constants that were
- * asked for. Threads may share it. It reads t, u, lag and the velocities of the log that it was made of,
- * which must outlive it. */
+/* Keeps the lagged inputs (lg_machine.lagged) of a log, which must outlive it, at all rows for the last time
+ * constants. Threads may share it. It reads t, u, lag and the velocities of the log. */
 typedef struct lg_machine_filter lg_machine_filter;
 LG_API lg_status lg_machine_filter_create(const lg_context *context, const lg_machine *machine,
                                           const lg_machine_log *log, lg_machine_filter **out,
@@ -378,15 +377,14 @@ LG_API size_t lg_machine_log_part(const lg_machine_log *log, size_t row);
 LG_API bool lg_machine_log_complete(const lg_machine *machine, const lg_machine_log *log, size_t row,
                                     bool positions_only);
 
-/* Sets the scales of a machine from a log: T from root mean squares of velocities and accelerations; L of
- * a line or pose as T times the root mean square of its velocity; U as the root mean squares of the
- * inputs; E such that masses are around 1. Call lg_machine_init before; what it filled stays. Errors:
- * LG_FORMAT (nothing moves, all velocities are constant, or numbers overflow). */
+/* Sets the scales of a machine from the root mean squares of a log: T from velocities and accelerations; L of
+ * a line or pose as T times its velocity; U from the inputs; E such that masses are around 1. Call
+ * lg_machine_init before; what it filled stays. Errors: LG_FORMAT (nothing moves, all velocities are
+ * constant, or numbers overflow). */
 LG_API lg_status lg_machine_find_scales(lg_machine *machine, const lg_machine_log *log, lg_error *error);
 
-/* Finds the largest rate, in 1/s, at which damping slows a motion near rest: the largest quotient of slope of
- * the force and mass at rows of the log. Explicit steps over h come to rest where h rate <= 2.5. Errors:
- * those of the tape. */
+/* Finds the largest rate, in 1/s, at which damping slows a motion near rest: the largest slope of the force
+ * over mass at rows of the log. Explicit steps over h come to rest where h rate <= 2.5. Errors: the tape. */
 LG_API lg_status lg_machine_rest_rate(const lg_context *context, const lg_machine *machine,
                                       const double *theta, const lg_machine_log *log, double *rate,
                                       lg_error *error);
@@ -455,10 +453,9 @@ typedef struct lg_machine_problem {
 
 /* Finds the rows at which windows start and returns their number; `out` (NULL: only count) has room for
  * log->rows indices, which increase. Windows start at complete rows (velocities too, unless
- * `positions_only`), `stride` rows apart within each part. They are closer where incomplete rows or the
- * end of a part would otherwise leave rows in no window. With stride <= window every row that can be in a
- * window is in one. With a longer stride windows are at most `stride` apart where that is possible, and
- * the last window of a part ends as late as possible. */
+ * `positions_only`), `stride` rows apart within a part, or closer, so that with stride <= window every row
+ * that can be in a window is in one. With a longer stride windows are at most `stride` apart where that is
+ * possible, and the last window of a part ends as late as possible. */
 LG_API size_t lg_machine_windows(const lg_machine *machine, const lg_machine_log *log, uint32_t window,
                                  uint32_t stride, bool positions_only, size_t *out);
 /* Checks a training problem. Errors: LG_INVALID_ARGUMENT (no windows, sizes, scales, nothing to learn),
@@ -472,9 +469,9 @@ LG_API lg_status lg_machine_problem_check(const lg_machine_problem *problem, lg_
  * multiplied by scales.time for velocities, and by its square for positions. */
 LG_API size_t lg_machine_problem_parameters(const lg_machine_problem *problem);
 LG_API void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out);
-/* Writes the loss over all windows except the validation part. `theta` has the parameters of the fit.
- * `floor` (may be NULL) becomes the loss that the integrator's own error would make alone; a fit can hide a
- * part of this error in its numbers and starts. Errors: those of lg_machine_problem_check and of the tape. */
+/* Writes the loss over all windows except the validation part, for the parameters `theta` of the fit. `floor`
+ * (may be NULL) becomes the loss that the integrator's error would make alone; a fit can hide a part of it in
+ * its numbers and starts. Errors: those of lg_machine_problem_check and of the tape. */
 LG_API lg_status lg_machine_loss(const lg_context *context, const lg_machine_problem *problem,
                                  const double *theta, double *loss, double *floor, lg_error *error);
 
@@ -514,12 +511,12 @@ typedef struct lg_identification {
      * in a row is 1, and each row changes one number that no other row changes. NULL: not computed. */
     double *open;
     size_t open_count;
-    /* W (P, P), row-major, with P the machine's parameters: W W^T is the covariance of theta. So
-     * theta + W x, with x from N(0, 1), is a machine that the logs allow as well. Only here weights of
-     * networks have the prior N(0, 1). NULL: not computed. */
+    /* W (P, P), row-major, for P parameters: W W^T is the covariance of theta, so theta + W x, with x from
+     * N(0, 1), is a machine that the logs allow as well. Only here weights of networks have the prior
+     * N(0, 1). NULL: not computed. */
     double *spread;
-    /* Residuals that are correlated in time: seconds of the blocks from which the errors (and correlations,
-     * open directions and W) were computed. 0: the residuals are white. */
+    /* 0: the residuals are white. Otherwise they are correlated in time: seconds of the blocks that give the
+     * errors, correlations, open directions and W. */
     double block;
     /* Input: standard deviation of the prior with which weights of networks were fitted; 0: none. */
     double prior;
@@ -619,10 +616,10 @@ LG_API lg_status lg_machine_estimate_starts(const lg_context *context, const lg_
 LG_API lg_status lg_machine_program(const lg_context *context, const lg_machine *machine, const double *theta,
                                     const lg_scheme *scheme, bool lagged, lg_program **out, lg_error *error);
 
-/* ---- Machine files and logs (library liegrad_io from here on) ----
+/* ---- Machine files and logs (library liegrad_io from here on; guide: docs/machines.md) ----
  *
  * A machine file is the YAML description of a machine and of the columns of its logs. Logs are CSV or HDF5
- * files; they become the rows of an lg_machine_log. docs/machines.md is the guide to both. */
+ * files; they become the rows of an lg_machine_log. */
 
 #define LG_LOG_NAME    64 /* Bytes of a column's name, with its terminator. */
 #define LG_LOG_COLUMNS (LG_MACHINE_POSITIONS + LG_MACHINE_VELOCITIES + LG_MACHINE_INPUTS + 2)
@@ -649,11 +646,9 @@ typedef struct lg_log_column {
 typedef struct lg_log_coordinate {
     /* Place: 1 column for a line or angle, 3 for a pose, else 0. */
     uint32_t place, places;
-    /* Attitude: 3 columns for a direction; 4 (w, x, y, z) or 9 (R row-major) for a rotation or pose; else
-     * 0. */
+    /* Attitude: 3 for a direction; 4 (w, x, y, z) or 9 (R row-major) for a rotation or pose; else 0. */
     uint32_t attitude, attitudes;
-    /* Velocity, or acceleration where these are measured; a pose has 3 velocities, then 3 rates. 0 columns:
-     * only positions are measured. */
+    /* Velocity or measured acceleration; a pose has 3 velocities, then 3 rates. 0: positions alone. */
     uint32_t velocity, velocities;
     bool space_frame; /* The velocity columns of a pose are x' in space. */
 } lg_log_coordinate;
@@ -687,8 +682,7 @@ typedef struct lg_machine_file {
     lg_machine machine; /* lg_machine_init has been called; all scales are 1. */
     lg_log_measured measured;
     bool hold_given; /* The file has the key `hold`. */
-    /* Jumps of angles by more than pi are taken as turns and undone; true by default. Across missing values
-     * the integrated velocity gives the turns. */
+    /* Jumps of angles by more than pi are undone as turns; default true. Velocities bridge missing values. */
     bool unwrap;
     double max_step; /* Longer steps are gaps; seconds. 0: 1.4 times the median step. */
     /* Indices of the columns of time and run; `run` equals column_count when there is no such column. */
@@ -725,9 +719,8 @@ typedef struct lg_log_statistics {
     /* Smallest and largest value in the log, after scaling. NaN: all values are missing. */
     double low, high;
     size_t missing; /* Number of rows without a value. */
-    /* Number of outliers: values of a velocity, or of the position of a line or angle, that jump away from
-     * their neighbours and return within two rows. The log does not contain them. low and high are without
-     * them, except for angles. */
+    /* Outliers: values of a velocity, or of the position of a line or angle, that jump away from their
+     * neighbours for one or two rows. The log is without them; so are low and high, except for angles. */
     size_t outliers;
     /* Estimated standard deviation of the noise. For positions and velocities in coarse steps at least
      * step/sqrt(12). NaN: too few rows. All columns of an attitude have one number: the noise of its angles,
@@ -754,17 +747,15 @@ typedef struct lg_logs {
     uint32_t delay[LG_MACHINE_INPUTS]; /* Of each input in rows, as it was applied. */
     /* In the order of the machine file's columns; zeros for the columns of time and run. */
     lg_log_statistics columns[LG_LOG_COLUMNS];
-    /* With lg_log_options.clocks, for each coordinate: how badly the velocities explain its motion, the
-     * root mean square of the changes from row to row minus integrated velocities, divided by the root
-     * mean square of the changes (NaN: nothing to compare); the lag, within 12 rows, at which the
-     * velocities of so many rows later explain it best, if they leave less than half of what those of the
-     * same rows leave, else 0; and what they leave at this lag, if it is not 0. */
+    /* With lg_log_options.clocks, for each coordinate: how badly the velocities explain its motion, the root
+     * mean square of the changes from row to row minus integrated velocities, divided by that of the changes
+     * (NaN: nothing to compare); the lag, within 12 rows, at which velocities of later rows explain it best,
+     * 0 unless they leave less than half of what those of the same rows leave; what they leave then. */
     double motion[LG_MACHINE_COORDINATES], left[LG_MACHINE_COORDINATES];
     int lag[LG_MACHINE_COORDINATES];
-    /* For each line or angle whose velocity is measured: the noise of its position, from the differences
-     * between its changes and the integrated velocity (noise gives neighbouring differences opposite signs,
-     * curvature does not; 0: no noise); the longest run of rows in which it keeps its position although the
-     * integrated velocity says that it moves. */
+    /* For each line or angle whose velocity is measured: the noise of its position, from its changes less the
+     * integrated velocity (noise gives neighbouring differences opposite signs, curvature does not; 0: none);
+     * the longest run of rows in which it stands still although the integrated velocity shows motion. */
     double position_noise[LG_MACHINE_COORDINATES];
     lg_standstill stuck[LG_MACHINE_COORDINATES];
     uint32_t warning_count;
@@ -780,18 +771,14 @@ typedef struct lg_logs {
 } lg_logs;
 
 /* Reads logs from CSV or HDF5 files. Errors: LG_FORMAT with file, line (HDF5: row, from 1) and column: text
- * instead of a number; a missing column; a number so large that the rest of its column is lost in its
- * rounding; time that does not increase; numbers that are not an attitude; columns that do not fit
- * together. */
+ * instead of a number; a missing column; a number in whose rounding the rest of its column is lost; time that
+ * does not increase; numbers that are not an attitude; columns that do not fit together. */
 LG_API lg_status lg_logs_read(const lg_context *context, const lg_machine_file *file,
                               const char *const *paths, size_t count, const lg_log_options *options,
                               lg_logs *out, lg_error *error);
 LG_API void lg_logs_destroy(lg_logs *logs);
 
-/* ---- Model files of machines ----
- *
- * `lg-identify fit` writes these files: the machine's YAML text, scales, ranges of the data and
- * parameters. */
+/* ---- Model files of machines: YAML text, scales, ranges of the data, parameters ---- */
 
 #define LG_MACHINE_TEXT 4096 /* Bytes of the YAML text in a model file, with its terminator. */
 
@@ -813,8 +800,7 @@ typedef struct lg_machine_model_run {
     double position_scale[LG_MACHINE_COORDINATES]; /* Scales of the loss, in the units of the log. */
     double velocity_scale[LG_MACHINE_COORDINATES];
     double residual; /* lg_machine_problem.residual; 0 in files without it. */
-    /* Rows by which inputs with `delay: estimate` act later than they are logged: attribute `delay`. Without
-     * such inputs the greatest delay. */
+    /* Rows of delay of inputs with `delay: estimate`, else the greatest delay: attribute `delay`. */
     uint32_t estimated;
     uint32_t delay[LG_MACHINE_INPUTS]; /* Of each input, from `text` and `estimated`. */
     /* Rows that estimate the state at the start of a run; 0: the logs have it, or 50 (accelerations: 200). */
@@ -830,8 +816,7 @@ typedef struct lg_machine_model_file {
     double *spread; /* (parameters, parameters): lg_identification.spread; NULL: unknown. */
 } lg_machine_model_file;
 
-/* The hyperparameters of lg_machine_model_run, and the recipe for lg_checkpoint_create and
- * lg_checkpoint_open. */
+/* The hyperparameters of lg_machine_model_run, and the recipe for lg_checkpoint_create and _open. */
 LG_API extern const lg_field lg_machine_model_fields[];
 LG_API extern const lg_recipe lg_recipe_machine_model;
 

@@ -18,7 +18,7 @@ enum { MOST_PARAMETERS = 256 };
 
 typedef struct expecting {
     lg_machine_problem problem; /* its starts are always set to estimated */
-    lg_machine_normal of;       /* linearises the windows */
+    lg_fit_errors of;           /* linearises the windows */
     bool measured;              /* whether the caller's problem has measured starts */
     const lg_machine_noise *noise;
     size_t rows;      /* residuals per window without priors */
@@ -38,7 +38,7 @@ static double dot(const double *a, const double *b, size_t n) {
 /* Adds the effect of a measured start's noise on the residuals to `left` and K. */
 static void add_start(expecting *e, const double *columns, const double *variance) {
     const size_t n = e->n, stride = e->of.rows;
-    for (size_t k = 0; k < e->of.starts; k++) {
+    for (size_t k = 0; k < e->of.fit.own; k++) {
         const double *S = columns + (e->of.n + k) * stride;
         if (!(variance[k] > 0.0)) continue;
         e->left += variance[k] * dot(S, S, e->rows);
@@ -51,7 +51,7 @@ static void add_start(expecting *e, const double *columns, const double *varianc
 
 static void add_window(void *user, double *columns, uint32_t window) {
     expecting *e = user;
-    const lg_machine_normal *of = &e->of;
+    const lg_fit_errors *of = &e->of;
     const size_t n = e->n, d = e->rows / e->problem.window, first = e->measured ? d : 0;
     const double factor = sqrt(e->unit);
     double *variance = e->variance, *part = variance + e->rows, *of_start = part + e->rows,
@@ -61,17 +61,16 @@ static void add_window(void *user, double *columns, uint32_t window) {
                                  variance + j * d, part + j * d);
     for (size_t i = 0; i < d; i++) of_start[i] = variance[i] / (e->unit * (double)e->problem.windows);
     memset(variance, 0, first * sizeof *variance);
-    for (size_t j = 0; j < of->n + of->starts; j++)
+    for (size_t j = 0; j < of->n + of->fit.own; j++)
         memset(columns + j * of->rows, 0, first * sizeof *columns);
     e->left += dot(variance, part, e->rows);
-    if (!e->measured)
-        e->left -= lg_machine_take_start(columns, of->rows, e->rows, of->n, of->starts, variance);
+    if (!e->measured) e->left -= lg_fit_take_start(columns, of->rows, e->rows, of->n, of->fit.own, variance);
     for (size_t i = 0; i <= n; i++) e->b[i] += dot(columns + i * of->rows, f, e->rows);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) {
             const double *a = columns + i * of->rows, *b = columns + j * of->rows;
             e->J[i * n + j] += dot(a, b, of->fit.rows);
-            e->K[i * n + j] += lg_machine_dot3(a, b, variance, e->rows);
+            e->K[i * n + j] += lg_fit_dot3(a, b, variance, e->rows);
         }
     if (e->measured) add_start(e, columns, of_start);
 }
@@ -84,7 +83,7 @@ static lg_status taken(expecting *e, double *values, double *out) {
     *out = 0.0;
     if (n == 0) return LG_OK;
     for (size_t i = 0; i < e->problem.machine->weights; i++) e->J[i * n + i] += e->unit;
-    const lg_status status = lg_machine_eigen(e->of.context, n, e->J, values);
+    const lg_status status = lg_fit_eigen(e->of.context, n, e->J, values);
     if (status == LG_NOT_FINITE) *out = INFINITY;
     if (status != LG_OK) return status == LG_NOT_FINITE ? LG_OK : status;
     for (size_t k = 0; k < n; k++) {
@@ -139,7 +138,7 @@ static lg_status expect(expecting *e, double *values, lg_machine_expected *out) 
     const double points = (double)e->problem.window / (e->problem.window - (e->measured ? 1.0 : 0.0));
     double lost = 0.0;
     e->unit = 1.0 / ((double)e->of.used * (double)e->problem.window);
-    LG_TRY(lg_machine_gather(&e->of, false));
+    LG_TRY(lg_fit_errors_gather(&e->of, false));
     LG_TRY(taken(e, values, &lost));
     lost = fmin(lost * (double)e->of.used / (double)e->of.windows, 0.5 * e->left);
     *out = (lg_machine_expected){.loss = points * (e->left - lost), .steps = points * fmax(e->b[e->n], 0.0)};
@@ -165,16 +164,12 @@ lg_status lg_machine_expect(const lg_context *context, const lg_machine_problem 
     e.K = e.J + n * n;
     e.b = e.K + n * n;
     memcpy(all, theta, lg_machine_problem_parameters(problem) * sizeof *all);
-    e.of = (lg_machine_normal){.context = context,
-                               .problem = &e.problem,
-                               .theta = many ? all + given : all,
-                               .n = n + 1,
-                               .last = true,
-                               .visit = add_window,
-                               .user = &e};
-    lg_machine_fit_problem(&e.problem, &e.of.fit);
+    e.of = lg_machine_errors(context, &e.problem, many ? all + given : all, LG_MACHINE_MOST_WINDOWS);
     e.of.fit.linearise = lg_machine_linearise_steps;
-    lg_machine_choose_windows(&e.of, LG_MACHINE_MOST_WINDOWS);
+    e.of.n = n + 1;
+    e.of.last = true;
+    e.of.visit = add_window;
+    e.of.user = &e;
     const lg_status status = expect(&e, e.b + n + 1, out);
-    return lg_machine_end_gather(&e.of, status, error);
+    return lg_fit_errors_end(&e.of, status, error);
 }

@@ -6,8 +6,7 @@
 #include "integrators/taped_internal.h"
 #include "liegrad/machine.h"
 #include "mechanics/engine.h"
-
-LG_AT(lg_tape_destroy, lg_tape)
+#include "nn/fit_errors.h"
 
 /* Standard deviations by coordinate, in the units of the log (radians for attitudes), or parts of the
  * loss. */
@@ -402,25 +401,11 @@ lg_status lg_machine_lag_states(const lg_machine *machine, const lg_machine_log 
 
 /* ---- correlations of numbers (machine/relations.c) ---- */
 
-/* Eigenvalues (n), rising, of the symmetric matrix (n, n), which is replaced by its eigenvectors, one after
- * the other. Errors: LG_NOT_FINITE (the matrix; no convergence), LG_OUT_OF_MEMORY. */
-lg_status lg_machine_eigen(const lg_context *context, size_t n, double *matrix, double *values);
 /* Fills `correlations` and `open` of `out` from the covariance (N, N) of the numbers' relative changes, which
  * is overwritten. If it is not finite, there are no open directions. Errors:
  * LG_OUT_OF_MEMORY. */
 lg_status lg_machine_relate(const lg_context *context, size_t count, double *covariance,
                             lg_identification *out);
-
-/* ---- errors that are correlated in time (machine/coloured.c) ---- */
-
-/* F (n, n), column-major: if W W^T is the covariance of n parameters for white residuals, W F (W F)^T is the
- * one for the residuals that the scores h (count, n) of successive stretches of the log show, in units of W.
- * h is overwritten. P (n, n), W^T D^-2 W: the part of a prior. `least`: stretches of a window, the least of a
- * block. `share`: part of the log's windows that has scores. `coloured`: that the residuals are not white is
- * known; else it must show. `block`: stretches in a block; 0 means that the residuals are white, or that
- * there are too few stretches, and that F is not set. */
-lg_status lg_machine_colour(const lg_context *context, size_t count, size_t n, size_t least, double share,
-                            bool coloured, const double *P, double *h, double *F, size_t *block);
 
 /* ---- intervals (machine/step.c) ---- */
 
@@ -530,86 +515,12 @@ LG_API lg_status lg_machine_losses(const lg_context *context, const lg_machine_p
 lg_status lg_machine_linearise_steps(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,
                                      size_t count, size_t batch, double *loss, double *r, double *jacobian);
 size_t lg_machine_linearised_rows(const lg_machine_problem *problem);
-/* Most windows from which errors of numbers and expected losses are computed. */
-enum { LG_MACHINE_MOST_WINDOWS = 512 };
-/* R (n, n), column-major, of [J r] = Q R: J is the Jacobian with respect to the n - 1 parameters of the
- * machine, with the starts eliminated window by window, r the residuals. At most LG_MACHINE_MOST_WINDOWS
- * windows are used; R is scaled as if it came from all. `lagged` (n, n), zeros on entry: [J r]^T [J r] with
- * the second factor one row of the log later. `numbers`: independent residuals of different rows, less what
- * the starts take. `lagged` and `numbers` count only the used windows. */
-lg_status lg_machine_triangle(const lg_context *context, const lg_machine_problem *problem,
-                              const double *theta, double *triangle, double *lagged, double *numbers,
-                              lg_error *error);
-/* Sum of a[i] b[i] c[i]. */
-double lg_machine_dot3(const double *a, const double *b, const double *c, size_t n);
-/* Makes the n columns (rows), each `stride` numbers behind the one before, orthogonal to the `own` columns of
- * a start behind them (modified Gram-Schmidt). Returns the variance that these take: of residuals with the
- * variances `variance` (rows), or of 1 with NULL. A direction has three rotation parameters, but only two are
- * independent: what remains of the third column is rounding error, and the column is skipped. */
-double lg_machine_take_start(double *columns, size_t stride, size_t rows, size_t n, size_t own,
-                             const double *variance);
-/* Sums over windows. R (n, n), column-major, is the factor of J = Q R after the starts of the windows have
- * been eliminated; the columns of J are the machine's parameters and, with `last`, the residuals as the last
- * column. `squares` is the sum of the squared residuals, `weighted` the number of independent residuals, less
- * what the starts take. */
-typedef struct lg_machine_normal {
-    const lg_context *context;
-    const lg_machine_problem *problem;
-    lg_fit_problem fit;
-    lg_tape *tape;
-    const double *theta;
-    double at[LG_MACHINE_POSITIONS]; /* positions at which a network mass is reported */
-    /* n: columns of J, which are the parameters of the machine and, with `last`, the residuals. starts:
-     * parameters of one start; 0 for measured starts. */
-    size_t n, starts;
-    bool last;
-    size_t priors;    /* the last residuals of each window are priors: their number */
-    size_t chunk;     /* windows of one chunk, at most */
-    size_t rows;      /* residuals of one chunk */
-    double *jacobian; /* (rows, n + starts) */
-    /* (n + starts, rows): transpose of `jacobian`, with the residuals as row n - 1 if `last` */
-    double *columns;
-    double *residuals;  /* (rows) */
-    double *triangle;   /* (n, n): R */
-    double *reflectors; /* (2 BLOCK, n): work space */
-    /* (n, n): products of the columns of the Jacobian with the same columns one row of the log later, for
-     * errors that are correlated in time. NULL if they are not wanted. */
-    double *lagged;
-    double squares, weighted;
-    lg_status *missing; /* gets the status of a number that could not be computed */
-    /* The used windows are `used` of `windows`, in runs of neighbours of RUN windows if `runs`, else evenly
-     * spread. */
-    size_t windows, used;
-    bool runs;
-    /* (used * stretches, n): J^T r of each stretch of a window, in the order of the windows; NULL: not
-     * wanted. `neighbours`: sum of the products of residuals of neighbouring rows. */
-    double *scores;
-    size_t stretches;
-    double *slope;    /* (n): J^T r of all windows, with their priors; set with `scores` */
-    double deviation; /* of weights of networks before any data */
-    double neighbours;
-    const double *unmoved; /* parameters at which the residuals are taken; NULL: theta */
-    /* Gets the columns of one window, s->rows apart, in place of all sums; NULL: the sums are wanted. */
-    void (*visit)(void *user, double *columns, uint32_t window);
-    void *user;
-} lg_machine_normal;
-/* Chooses the used windows, at most `most`, of a problem that is set. */
-void lg_machine_choose_windows(lg_machine_normal *s, size_t most);
-/* Finds R of the chosen windows, and with `scored` the scores. lg_machine_end_gather frees what it made, also
- * after a failure; it returns `status` with the tape's message. */
-lg_status lg_machine_gather(lg_machine_normal *s, bool scored);
-lg_status lg_machine_end_gather(lg_machine_normal *s, lg_status status, lg_error *error);
-/* What the logs say of the n shared parameters of `fit`, a fit problem on the windows of `problem`, at its
- * best fit x. */
-typedef struct lg_machine_uncertainty {
-    double *W;       /* (n, n), column-major, of the caller: W W^T is the covariance */
-    double variance; /* of a residual */
-    double widened;  /* factor by which the correlation of the residuals raised variances, on average */
-    double block;    /* as in lg_identification */
-} lg_machine_uncertainty;
-lg_status lg_machine_uncertain(const lg_context *context, const lg_machine_problem *problem,
-                               const lg_fit_problem *fit, const double *x, size_t n,
-                               lg_machine_uncertainty *out, lg_error *error);
+/* Most windows from which errors of few and of many numbers, and expected losses, are computed. */
+enum { LG_MACHINE_MOST_OF_SMALL = 8192, LG_MACHINE_MOST_WINDOWS = 512 };
+/* Prepares lg_fit_errors for the windows of a problem without its validation part, of which `most` are
+ * used. */
+lg_fit_errors lg_machine_errors(const lg_context *context, const lg_machine_problem *problem,
+                                const double *theta, size_t most);
 /* Variances (factor noise/scale)^2, with the scales of the loss, of the residuals of one row of the log, in
  * the order of lg_machine_linearise and of the numbers of a start. The variance of a missing number is 0. The
  * three numbers of a direction q, or of its omega, have the covariance variance (1 - q q^T), and `part` is

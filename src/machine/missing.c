@@ -95,12 +95,19 @@ static double correlated(size_t n, const double *lagged, const double *a, double
 /* work: 4 n^2 numbers, zeros at the start. */
 static lg_status look(const lg_context *context, const lg_machine_problem *problem, const double *theta,
                       size_t own, double *work, lg_machine_missing *out, lg_error *error) {
-    const size_t n = problem->machine->parameters + 1, all = problem->windows - problem->validation;
-    const size_t used = all < LG_MACHINE_MOST_WINDOWS ? all : LG_MACHINE_MOST_WINDOWS;
-    const double part = (double)used / (double)all;
-    double numbers, left, *columns = work, *triangle = work + 2 * n * n, *lagged = triangle + n * n;
+    const size_t n = problem->machine->parameters + 1;
+    double left, *columns = work, *triangle = work + 2 * n * n, *lagged = triangle + n * n;
     size_t taken[2];
-    LG_TRY(lg_machine_triangle(context, problem, theta, triangle, lagged, &numbers, error));
+    lg_fit_errors s = lg_machine_errors(context, problem, theta, LG_MACHINE_MOST_WINDOWS);
+    s.n = n;
+    s.last = true;
+    s.lagged = lagged;
+    const lg_status status = lg_fit_errors_gather(&s, false);
+    if (status == LG_OK) memcpy(triangle, s.triangle, n * n * sizeof *triangle);
+    /* R comes as if from all windows; the others count only the used ones. */
+    const double part = (double)s.used / (double)s.windows;
+    double numbers = lg_fit_errors_count(&s);
+    LG_TRY(lg_fit_errors_end(&s, status, error));
     for (size_t j = 0; j < n; j++) {
         memcpy(columns + 2 * j * n, triangle + j * n, n * sizeof *columns);
         columns[(2 * j + 1) * n + j] = 1.0;

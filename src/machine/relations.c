@@ -3,22 +3,7 @@
 #include <string.h>
 
 #include "core/core.h"
-#include "kernels/lapack.h"
 #include "machine/internal.h"
-
-lg_status lg_machine_eigen(const lg_context *context, size_t n, double *matrix, double *values) {
-    const int size = (int)n;
-    double want = 0.0;
-    int iwant = 0, info = 0, query = -1;
-    for (size_t i = 0; i < n * n; i++) /* for NaN, LAPACK returns meaningless numbers */
-        if (!isfinite(matrix[i])) return LG_NOT_FINITE;
-    dsyevd_("V", "U", &size, matrix, &size, values, &want, &query, &iwant, &query, &info);
-    const int room = (int)want, iroom = iwant;
-    LG_TRY_SCRATCH(double, work, context, (size_t)room, LG_OUT_OF_MEMORY);
-    LG_TRY_SCRATCH(int, iwork, context, (size_t)iroom, LG_OUT_OF_MEMORY);
-    dsyevd_("V", "U", &size, matrix, &size, values, work, &room, iwork, &iroom, &info);
-    return info == 0 ? LG_OK : LG_NOT_FINITE;
-}
 
 static void correlate(size_t n, const double *covariance, const lg_identified *numbers, double *out) {
     for (size_t i = 0; i < n; i++)
@@ -74,7 +59,7 @@ lg_status lg_machine_relate(const lg_context *context, size_t count, double *cov
     out->open_count = 0;
     if (out->open == NULL) return LG_OK;
     LG_TRY_SCRATCH(double, variances, context, count, LG_OUT_OF_MEMORY);
-    const lg_status status = lg_machine_eigen(context, count, covariance, variances);
+    const lg_status status = lg_fit_eigen(context, count, covariance, variances);
     for (size_t k = count; status == LG_OK && k-- > 0 && variances[k] > open;)
         memcpy(out->open + count * out->open_count++, covariance + k * count, count * sizeof *covariance);
     if (status == LG_OUT_OF_MEMORY) return status;

@@ -101,9 +101,12 @@ typedef struct adapting {
     const lg_context *context;
     const lg_machine_restriction *of;
     lg_fit_problem fit;
-    double *x;     /* (fit.parameters) */
-    double *decay; /* (fit.parameters) */
-    lg_machine_uncertainty found;
+    double *x;       /* (fit.parameters) */
+    double *decay;   /* (fit.parameters) */
+    double *W;       /* (count, count), column-major: W W^T is the covariance of x */
+    double variance; /* of a residual */
+    double widened;  /* factor by which the correlation of the residuals raised variances, on average */
+    double block;    /* as in lg_identification */
 } adapting;
 
 /* Runs the fit until a few epochs together no longer lower the loss: the problem is nearly linear. */
@@ -141,17 +144,52 @@ static void weigh_prior(adapting *a, double variance) {
     for (size_t k = 0; k < a->of->count; k++) a->decay[k] = 2.0 * variance;
 }
 
+/* Sum of the variances after `colour` in units of those before, mean over the parameters. */
+static double widened(size_t n, const double *before, const double *after) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        double a = 0.0, b = 0.0;
+        for (size_t k = 0; k < n; k++) {
+            a += after[k * n + i] * after[k * n + i];
+            b += before[k * n + i] * before[k * n + i];
+        }
+        sum += b > 0.0 ? a / b : 1.0;
+    }
+    return sum / (double)n;
+}
+
+/* What the logs say of x. */
+static lg_status find_errors(adapting *a, lg_error *error) {
+    const size_t n = a->of->count;
+    lg_fit_errors s = lg_machine_errors(a->context, a->of->problem, a->x, LG_MACHINE_MOST_OF_SMALL);
+    LG_TRY_SCRATCH(double, work, a->context, 4 * n * n, lg_no_memory(error));
+    LG_TRY_SCRATCH(int, order, a->context, n, lg_no_memory(error));
+    s.fit = a->fit;
+    s.n = n;
+    lg_status status = lg_fit_errors_gather(&s, true);
+    for (size_t i = 0; status == LG_OK && i < n; i++) s.bound[i] = 1e6;
+    if (status == LG_OK) status = lg_fit_errors_invert(&s, work + n * n, order, a->W);
+    if (status == LG_OK) {
+        memcpy(work, a->W, n * n * sizeof *work);
+        a->block = 0.0;
+        status = lg_fit_errors_colour(&s, a->W, &a->block);
+        a->widened = widened(n, work, a->W);
+        a->variance = lg_fit_errors_variance(&s);
+    }
+    return lg_fit_errors_end(&s, status, error);
+}
+
 /* Errors with the prior: the covariance (C^-1 + 1)^-1 with C = W W^T is W V (1 + L)^-1 V^T W^T, where
  * W^T W = V L V^T. The change is x^T C^-1 x = |L^-1 V^T W^T x|^2. */
 static lg_status tell_errors(const adapting *a, double *work, lg_machine_adapted *out) {
     static const double lost = 1e3;
     const size_t n = a->of->count;
     const lg_kernels *k = lg_kernels_for(LG_F64);
-    const double *W = a->found.W;
+    const double *W = a->W;
     double *square = work, *values = work + n * n;
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) square[i * n + j] = k->dot(n, W + i * n, W + j * n);
-    LG_TRY(lg_machine_eigen(a->context, n, square, values));
+    LG_TRY(lg_fit_eigen(a->context, n, square, values));
     out->change = 0.0;
     for (size_t j = 0; j < n; j++) {
         double along = 0.0;
@@ -179,12 +217,12 @@ static lg_status adapt(adapting *a, double *work, lg_machine_adapted *out, lg_er
     weigh_prior(a, held);
     LG_TRY(minimise(a, &out->before, error));
     for (int round = 0; round < ROUNDS; round++) {
-        weigh_prior(a, a->found.variance * a->found.widened);
+        weigh_prior(a, a->variance * a->widened);
         LG_TRY(minimise(a, &out->after, error));
-        LG_TRY(lg_machine_uncertain(a->context, a->of->problem, &a->fit, a->x, n, &a->found, error));
+        LG_TRY(find_errors(a, error));
     }
     memcpy(out->x, a->x, n * sizeof *out->x);
-    out->block = a->found.block;
+    out->block = a->block;
     const lg_status status = tell_errors(a, work, out);
     return status == LG_OK ? LG_OK : lg_fail(error, status, "%s", lg_status_sentence(status));
 }
@@ -199,6 +237,6 @@ lg_status lg_machine_adapt(const lg_context *context, const lg_machine_restricti
     a.x = x;
     a.decay = a.x + a.fit.parameters;
     a.fit.decay = a.decay;
-    a.found.W = a.decay + a.fit.parameters;
-    return adapt(&a, a.found.W + n * n, out, error);
+    a.W = a.decay + a.fit.parameters;
+    return adapt(&a, a.W + n * n, out, error);
 }

@@ -11,8 +11,6 @@
 
 #define RNG_STREAM 0x66697400u /* gives other random numbers than an initialisation with the same seed */
 
-LG_AT(lg_fit_destroy, lg_fit)
-
 /* ---- options ---- */
 
 void lg_fit_options_init(lg_fit_options *options) {
@@ -63,7 +61,8 @@ static bool fraction(double x) {
 }
 
 static lg_status check_problem(const lg_fit_problem *problem, lg_error *error) {
-    if (problem == NULL || (problem->loss == NULL && problem->residuals == NULL && problem->gradient == NULL))
+    if (problem == NULL || (problem->loss == NULL && problem->residuals == NULL &&
+                            problem->linearise == NULL && problem->gradient == NULL))
         return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has neither a loss function nor residuals");
     if (problem->parameters == 0 || problem->parameters > UINT32_MAX)
         return lg_fail(error, LG_INVALID_ARGUMENT,

@@ -3,10 +3,8 @@
 #define LG_FIT_INTERNAL_H
 
 #include "kernels/kernels.h"
-#include "core/core.h"
-#include "liegrad/core.h"
-#include "liegrad/fit.h"
 #include "liegrad/minimise.h"
+#include "nn/fit_errors.h"
 
 /* Everything that the next step depends on, except the hyperparameters. `memory` is one allocation that holds
  * all arrays. */
@@ -166,6 +164,14 @@ typedef struct lg_fit_own {
 } lg_fit_own;
 size_t lg_fit_squares_length(const lg_fit *fit);
 lg_fit_own lg_fit_own_of(const lg_fit *fit, uint32_t sample);
+
+/* ---- parameters of a program as one vector (fit_program.c) ---- */
+
+/* Copies them to theta, unless it is NULL; returns their number. lg_fit_give copies them back. */
+size_t lg_fit_take(const lg_program *program, double *theta);
+lg_status lg_fit_give(lg_program *program, const double *theta);
+/* Records each parameter, in its shape, as a part of theta. */
+void lg_fit_slice(lg_tape *tape, const lg_program *program, lg_var theta, lg_var *parameters);
 
 /* ---- ranks (fit_ranks.c) ---- */
 

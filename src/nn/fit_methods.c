@@ -139,6 +139,7 @@ static bool is_last(const lg_fit *fit) {
 lg_status lg_fit_check_plan(const lg_fit_problem *problem, const lg_fit_options *o, lg_error *error) {
     /* A matrix of n^2 doubles: for 10000 parameters 0.8 GB. */
     enum { MOST_DENSE = 10000 };
+    bool squares = o->plan.phases > 0 && problem->validation == 0 && o->validation == 0.0;
     if (o->plan.phases > LG_FIT_MAX_PHASES)
         return lg_fail(error, LG_INVALID_ARGUMENT, "training options: the plan has too many phases");
     for (uint32_t i = 0; i < o->plan.phases; i++) {
@@ -147,13 +148,14 @@ lg_status lg_fit_check_plan(const lg_fit_problem *problem, const lg_fit_options 
         if (lg_fit_method_name(method) == NULL || (o->plan.phase[i].epochs == 0 && i + 1 < o->plan.phases))
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "training options: the plan has an unknown method or a phase without epochs");
+        squares = squares && row != NULL && row->squares;
         if (row == NULL) continue;
         if (o->dtype != LG_F64)
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "training options: %s needs double precision (f64); only methods that take "
                            "batches, such as adam, take f32",
                            row->name);
-        if (row->squares && problem->residuals == NULL)
+        if (row->squares && problem->residuals == NULL && problem->linearise == NULL)
             return lg_fail(error, LG_INVALID_ARGUMENT,
                            "training options: %s needs a loss that is a sum of squares; this one is not",
                            row->name);
@@ -164,6 +166,8 @@ lg_status lg_fit_check_plan(const lg_fit_problem *problem, const lg_fit_options 
                            "%zu parameters are too many (at most %d): use lbfgs, or a smaller network",
                            row->name, problem->parameters - own, MOST_DENSE);
     }
+    if (problem->loss == NULL && problem->residuals == NULL && problem->gradient == NULL && !squares)
+        return lg_fail(error, LG_INVALID_ARGUMENT, "the problem has neither a loss function nor residuals");
     return LG_OK;
 }
 

@@ -4,14 +4,9 @@
 
 #include "autodiff/program/program.h"
 #include "autodiff/tape/tape_internal.h"
-#include "core/clean.h"
-#include "kernels/kernels.h"
-#include "liegrad/fit.h"
 #include "liegrad/ops.h"
 #include "liegrad/program.h"
-
-LG_AT(lg_tape_destroy, lg_tape)
-LG_AT(lg_fit_destroy, lg_fit)
+#include "nn/fit_internal.h"
 
 enum { MOST_EVALUATIONS = 1000, MOST_LM = 64, MOST_DENSE = 2000, MOST_TRIED = 8 };
 
@@ -42,17 +37,21 @@ static lg_var put_rows(const training *t, lg_tape *tape, size_t i, const uint32_
     return x;
 }
 
-/* Records the function for these rows; *out is its first output. */
-static lg_status record(const training *t, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
-                        lg_var *out) {
-    lg_var parameters[LG_PROGRAM_FIT_MOST], in[LG_PROGRAM_FIT_MOST], outputs[LG_PROGRAM_FIT_MOST];
+void lg_fit_slice(lg_tape *tape, const lg_program *program, lg_var theta, lg_var *parameters) {
     uint32_t at = 0;
-    for (size_t j = 0; j < t->parameters; j++) {
-        const lg_shape shape = lg_program_parameter(t->program, j).shape;
+    for (size_t j = 0; j < lg_program_parameters(program); j++) {
+        const lg_shape shape = lg_program_parameter(program, j).shape;
         const uint32_t numbers = (uint32_t)lg_shape_count(shape);
         parameters[j] = lg_reshape(tape, lg_slice(tape, theta, 0, at, numbers), shape);
         at += numbers;
     }
+}
+
+/* Records the function for these rows; *out is its first output. */
+static lg_status record(const training *t, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
+                        lg_var *out) {
+    lg_var parameters[LG_PROGRAM_FIT_MOST], in[LG_PROGRAM_FIT_MOST], outputs[LG_PROGRAM_FIT_MOST];
+    lg_fit_slice(tape, t->program, theta, parameters);
     for (size_t i = 0; i < t->inputs; i++) in[i] = put_rows(t, tape, i, samples, count);
     LG_TRY(lg_program_record(tape, t->program, t->function, parameters, in, outputs));
     *out = outputs[0];
@@ -97,11 +96,10 @@ static lg_status check_data(const training *t, lg_error *error) {
     return LG_OK;
 }
 
-/* Copies the program's parameters to theta, unless it is NULL; returns their number. */
-static size_t take_parameters(const training *t, double *theta) {
+size_t lg_fit_take(const lg_program *program, double *theta) {
     size_t at = 0;
-    for (size_t j = 0; j < t->parameters; j++) {
-        const lg_parameter_spec p = lg_program_parameter(t->program, j);
+    for (size_t j = 0; j < lg_program_parameters(program); j++) {
+        const lg_parameter_spec p = lg_program_parameter(program, j);
         const size_t count = lg_shape_count(p.shape);
         if (theta != NULL) memcpy(theta + at, p.values, count * sizeof *theta);
         at += count;
@@ -126,7 +124,7 @@ static lg_status open_function(training *t, const char *function, lg_error *erro
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "output '%s' has %zu numbers that all rows share, expected one, the loss",
                        output->name, t->numbers);
-    t->count = take_parameters(t, NULL);
+    t->count = lg_fit_take(t->program, NULL);
     return LG_OK;
 }
 
@@ -140,12 +138,12 @@ static void set_defaults(const training *t, lg_fit_options *options) {
     options->epochs = MOST_EVALUATIONS;
 }
 
-static lg_status give_parameters(lg_program *program, size_t function, const double *theta) {
+lg_status lg_fit_give(lg_program *program, const double *theta) {
     for (size_t j = 0; j < lg_program_parameters(program); j++) {
         LG_TRY(lg_program_set_parameter(program, j, theta));
         theta += lg_shape_count(lg_program_parameter(program, j).shape);
     }
-    return lg_program_set_fitted(program, function, true);
+    return LG_OK;
 }
 
 /* The loss of these rows taken together, at `theta`. *depends: whether it depends on theta. */
@@ -247,7 +245,7 @@ static lg_status run_starts(training *t, const lg_context *context, const lg_fit
         lg_program_fit_result made = {.end = "", .start = start};
         lg_rng rng;
         lg_rng_seed(&rng, starts->seed, start);
-        (void)take_parameters(t, t->theta);
+        (void)lg_fit_take(t->program, t->theta);
         double *to = t->theta;
         for (size_t j = 0; j < t->parameters; j++) {
             const size_t count = lg_shape_count(lg_program_parameter(t->program, j).shape);
@@ -275,10 +273,11 @@ static lg_status fit(training *t, const lg_context *context, lg_program *program
         return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu parameters", t->count);
     t->theta = theta;
     t->best = best;
-    (void)take_parameters(t, theta);
+    (void)lg_fit_take(t->program, theta);
     LG_TRY(starts != NULL ? run_starts(t, context, options, starts, result, error)
                           : run(t, context, options, result, error));
-    return give_parameters(program, t->function, theta);
+    LG_TRY(lg_fit_give(program, theta));
+    return lg_program_set_fitted(program, t->function, true);
 }
 
 lg_status lg_program_fit(const lg_context *context, lg_program *program, const char *function,
@@ -314,6 +313,6 @@ lg_status lg_program_loss(const lg_context *context, const lg_program *program, 
     LG_SCRATCH(double, theta, context, t.count);
     if (theta == NULL) return lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu parameters", t.count);
     t.theta = theta;
-    (void)take_parameters(&t, theta);
+    (void)lg_fit_take(t.program, theta);
     return loss_of_all(&t, context, loss, error);
 }

@@ -10,8 +10,6 @@
 #include "core/clean.h"
 #include "nn/fit_internal.h"
 
-LG_AT(lg_tape_destroy, lg_tape)
-
 /* Threads are used from so many blocks on; with fewer, waking them costs more than it saves. */
 #define PARALLEL_BLOCKS 16
 

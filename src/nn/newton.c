@@ -6,8 +6,6 @@
 #include "liegrad/minimise.h"
 #include "nn/fit_internal.h"
 
-LG_AT(lg_tape_destroy, lg_tape)
-
 typedef struct whole {
     const lg_fit_problem *problem;
     lg_tape *tape;

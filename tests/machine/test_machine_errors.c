@@ -217,7 +217,7 @@ TEST("scores of one kind are white, scores that drift are one block, and scores 
         double h[COUNT], P = i == 3 ? 1 : 0, F = 7;
         size_t block = 7;
         for (int k = 0; k < COUNT; k++) h[k] = i == 1 ? k : i == 2 && k == 3 ? NAN : 1;
-        assert_ok(lg_machine_colour(NULL, COUNT, 1, 1, 1.0, i == 2, &P, h, &F, &block));
+        assert_ok(lg_fit_colour(NULL, COUNT, 1, 1, 1.0, i == 2, &P, h, &F, &block));
         assert_int_equal(block, i == 1 ? COUNT / 8 : 0);
         if (i == 1) assert_true(F > 2);
     }

@@ -1,4 +1,4 @@
-/* Machines: what a correlation of the residuals in time makes of the errors of parameters.
+/* What a correlation of the residuals in time makes of the errors of parameters.
  *
  * The score g_k = J_k^T r_k of a stretch k of the log is its pull on the parameters. With white residuals of
  * variance s^2 the sum of g_k g_k^T is s^2 J^T J, and scores of different stretches are independent. For
@@ -13,11 +13,25 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
 #include "kernels/kernels.h"
-#include "machine/internal.h"
+#include "kernels/lapack.h"
+#include "nn/fit_errors.h"
 
 enum { PARTS = 8, TIMES = 4, TOGETHER = 32 };
+
+lg_status lg_fit_eigen(const lg_context *context, size_t n, double *matrix, double *values) {
+    const int size = (int)n;
+    double want = 0.0;
+    int iwant = 0, info = 0, query = -1;
+    for (size_t i = 0; i < n * n; i++) /* for NaN, LAPACK returns meaningless numbers */
+        if (!isfinite(matrix[i])) return LG_NOT_FINITE;
+    dsyevd_("V", "U", &size, matrix, &size, values, &want, &query, &iwant, &query, &info);
+    const int room = (int)want, iroom = iwant;
+    LG_TRY_SCRATCH(double, work, context, (size_t)room, LG_OUT_OF_MEMORY);
+    LG_TRY_SCRATCH(int, iwork, context, (size_t)iroom, LG_OUT_OF_MEMORY);
+    dsyevd_("V", "U", &size, matrix, &size, values, work, &room, iwork, &iroom, &info);
+    return info == 0 ? LG_OK : LG_NOT_FINITE;
+}
 
 static void centre(size_t count, size_t n, double *h) {
     for (size_t j = 0; j < n; j++) {
@@ -107,7 +121,7 @@ static lg_status take_root(const lg_context *context, size_t n, double trace, do
             const double P = of->P[i * n + j], G = (i == j ? 1.0 : 0.0) - P;
             S[i * n + j] = (1.0 - mixed) * S[i * n + j] + mixed * trace * G + P;
         }
-    LG_TRY(lg_machine_eigen(context, n, S, values));
+    LG_TRY(lg_fit_eigen(context, n, S, values));
     for (size_t j = 0; j < n; j++)
         for (size_t i = 0; i < n; i++) S[j * n + i] *= sqrt(fmax(values[j], 1.0));
     return LG_OK;
@@ -124,8 +138,8 @@ static double clear_open(size_t count, size_t n, const double *P, double *h) {
     return trace;
 }
 
-lg_status lg_machine_colour(const lg_context *context, size_t count, size_t n, size_t least, double share,
-                            bool coloured, const double *P, double *h, double *F, size_t *block) {
+lg_status lg_fit_colour(const lg_context *context, size_t count, size_t n, size_t least, double share,
+                        bool coloured, const double *P, double *h, double *F, size_t *block) {
     static const double nothing = 0.01;
     const size_t most = count / PARTS;
     const white of = {P, clear_open(count, n, P, h)};
