@@ -328,14 +328,13 @@ static double input_of(const void *user, size_t run, size_t row, uint32_t input)
 /* Checks that the scene is a machine of which everything is known. */
 static void check_scene(const app *self, const lg_machine_file *file) {
     const char *path = self->arguments[0];
-    for (uint32_t i = 0; i < file->machine.term_count; i++) {
-        const lg_machine_term *term = &file->machine.terms[i];
+    for (const lg_machine_term *term = NULL;
+         lg_machine_next_term(&file->machine, LG_MACHINE_PART_COUNT, &term);)
         if (term->parameters > 0)
             app_stop(self, LG_FORMAT,
                      "%s: %s: a term of kind '%s' has no values; in a scene all terms must be known: {kind: "
                      "known, values: ...}",
                      path, lg_machine_part_name(term->part), lg_term_kind_name(term->kind));
-    }
     if (values.runs > 1 && file->run >= file->column_count)
         app_stop(self, LG_FORMAT,
                  "%s: %llu runs need a column that tells them apart: give columns: {run: ...}, or --runs 1",

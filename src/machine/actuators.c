@@ -51,9 +51,10 @@ lg_var lg_machine_put_lagged(lg_tape *tape, const lg_machine *machine, lg_var u,
 lg_var lg_machine_record_actuated(lg_tape *tape, const lg_machine_vars *vars, const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
     lg_machine_seen now = *seen;
-    for (uint32_t i = 0; i < machine->term_count && !lg_is_none(now.u); i++) {
-        const lg_term_at at = lg_term_at_of(tape, vars, i, &now);
-        if (at.term->part == LG_MACHINE_ACTUATOR) now.u = at.term->kind->record(&at);
+    if (lg_is_none(now.u)) return LG_NONE;
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_ACTUATOR, &term);) {
+        const lg_term_at at = lg_term_at_of(tape, vars, term, &now);
+        now.u = term->kind->record(&at);
     }
     return now.u;
 }
@@ -153,8 +154,7 @@ static void lag_entry(const lg_machine *machine, const lg_machine_term *term, ui
 
 size_t lg_machine_set_lags(const lg_machine *machine, double tau, double *theta) {
     size_t count = 0;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
         const bool open = term->kind->lag != NULL && term->value_count == 0;
         for (size_t k = 0; open && k < term->parameters; k++, count++)
             theta[term->offset + k] = lag_theta(machine, tau);
@@ -189,8 +189,7 @@ static void lag_numbers(lg_number_list *l, const lg_machine *machine, const lg_m
 bool lg_machine_find_lags(lg_machine *machine) {
     uint32_t order[LG_MACHINE_INPUTS] = {0};
     bool twice = false;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
         for (uint32_t k = 0; term->kind->lag != NULL && k < term->of_count; k++) {
             twice = twice || order[term->of[k].index] > 0;
             order[term->of[k].index] = term->kind->order;
@@ -218,9 +217,8 @@ static uint32_t place_of(const lg_machine *machine, uint32_t input) {
 lg_var lg_machine_record_lag(lg_tape *tape, const lg_machine_vars *vars) {
     const lg_machine *machine = vars->machine;
     lg_var sum = LG_NONE;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_term_at of = lg_term_at_of(tape, vars, i, NULL);
-        const lg_machine_term *term = of.term;
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
+        const lg_term_at of = lg_term_at_of(tape, vars, term, NULL);
         uint32_t at[LG_MACHINE_INPUTS];
         if (term->kind->lag == NULL) continue;
         for (uint32_t k = 0; k < term->of_count; k++) at[k] = place_of(machine, term->of[k].index);

@@ -26,10 +26,9 @@ static size_t bias_parameters(const lg_machine *machine, const lg_machine_term *
 
 void lg_machine_wrap_biases(const lg_machine *machine, double *theta) {
     static const double turn = 6.283185307179586;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_BIAS, &term);) {
         double *bias = theta + term->offset;
-        for (uint32_t k = 0; term->part == LG_MACHINE_BIAS && k < term->of_count; k++) {
+        for (uint32_t k = 0; k < term->of_count; k++) {
             const lg_machine_feature of = term->of[k];
             const lg_machine_offsets at = lg_machine_offsets_of(machine, of.index);
             if (of.kind != LG_FEATURE_VELOCITY && at.angle) *bias -= turn * ceil(*bias / turn - 0.5);

@@ -43,6 +43,14 @@ bool lg_machine_next(const lg_machine *machine, lg_machine_offsets *at) {
     return more;
 }
 
+bool lg_machine_next_term(const lg_machine *machine, lg_machine_part part, const lg_machine_term **term) {
+    const lg_machine_term *at = *term == NULL ? machine->terms : *term + 1;
+    while (at < machine->terms + machine->term_count && part != LG_MACHINE_PART_COUNT && at->part != part)
+        at++;
+    *term = at;
+    return at < machine->terms + machine->term_count;
+}
+
 lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate) {
     lg_machine_offsets at = {0};
     for (uint32_t i = 0; i <= coordinate; i++) (void)lg_machine_next(machine, &at);

@@ -140,17 +140,17 @@ const char *lg_machine_entries_fault(const lg_machine *machine, const lg_machine
 
 uint32_t lg_machine_list_priors(const lg_machine *machine, lg_prior *out) {
     uint32_t count = 0;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
+        const uint32_t index = (uint32_t)(term - machine->terms);
         for (uint32_t k = 0; k < term->entry_count; k++) {
             lg_entry_about about;
             if (!(term->entries[k].sigma > 0.0)) continue;
             const lg_number_map map = map_of(machine, term, k, &about);
             if (count < LG_MACHINE_PRIORS)
-                out[count] = (lg_prior){i, k, map, about.start, term->entries[k].sigma};
+                out[count] = (lg_prior){index, k, map, about.start, term->entries[k].sigma};
             count++;
         }
-        if (term->kind->priors != NULL) count = term->kind->priors(machine, i, out, count);
+        if (term->kind->priors != NULL) count = term->kind->priors(machine, index, out, count);
     }
     return count;
 }

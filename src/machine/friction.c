@@ -15,10 +15,8 @@
 
 const lg_machine_term *lg_machine_base(const lg_machine *machine, const lg_machine_term *term) {
     if (term->kind->base == NULL || term->value_count > 0) return NULL;
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == term->part &&
-            strcmp(machine->terms[i].kind->name, term->kind->base) == 0)
-            return &machine->terms[i];
+    for (const lg_machine_term *base = NULL; lg_machine_next_term(machine, term->part, &base);)
+        if (strcmp(base->kind->name, term->kind->base) == 0) return base;
     return NULL;
 }
 
@@ -74,7 +72,7 @@ static lg_var coefficients(const lg_term_at *r, int power) {
     double unit[LG_MACHINE_VELOCITIES];
     const lg_machine_term *base = lg_machine_base(r->machine, r->term);
     if (base != NULL) {
-        const lg_term_at of = lg_term_at_of(r->tape, r->vars, (uint32_t)(base - r->machine->terms), r->seen);
+        const lg_term_at of = lg_term_at_of(r->tape, r->vars, base, r->seen);
         return lg_machine_record_drag(&of, power);
     }
     units(r, power, unit);
@@ -102,7 +100,7 @@ static void put_numbers(lg_number_list *l, const lg_machine *machine, const lg_m
     const struct lg_friction *of = term->kind->friction;
     double x[LG_MACHINE_VELOCITIES], unit[LG_MACHINE_VELOCITIES] = {0.0};
     char name[48], by[64] = "";
-    const lg_term_at r = lg_term_at_of(l->tape, &l->vars, (uint32_t)(term - machine->terms), NULL);
+    const lg_term_at r = lg_term_at_of(l->tape, &l->vars, term, NULL);
     const uint32_t count = blocks_of(machine, term);
     for (uint32_t b = is_whole(machine, term) ? 0 : 1; b <= count; b++) {
         const bool features = term->of_count > 0 && b > 0 && count > 1;
@@ -164,8 +162,7 @@ static bool may_rub(const lg_machine *machine, const lg_machine_term *term, uint
 uint32_t lg_machine_find_sticking(const lg_machine *machine) {
     uint32_t found = 0;
     if (machine->places != machine->velocities || machine->rotations > 0) return 0;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
         if ((term->kind->options & LG_TERM_WIDTH) == 0 || term->width > 0.0) continue;
         for (uint32_t k = 0; k < machine->velocities; k++)
             if (may_rub(machine, term, k)) found |= 1U << k;
@@ -274,14 +271,15 @@ static lg_var stiffness(const lg_term_at *r) {
 
 bool lg_machine_find_bristles(lg_machine *machine) {
     uint32_t count = 0;
-    for (uint32_t i = 0; i < machine->term_count; i++) count += machine->terms[i].kind->bristles;
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);)
+        count += term->kind->bristles;
     machine->bristles = count > 0 ? machine->velocities : 0;
     return count <= 1;
 }
 
 static lg_term_at bristles_of(lg_tape *tape, const lg_machine_vars *vars) {
-    uint32_t term = 0;
-    while (!vars->machine->terms[term].kind->bristles) term++;
+    const lg_machine_term *term = vars->machine->terms;
+    while (!term->kind->bristles) term++;
     return lg_term_at_of(tape, vars, term, NULL);
 }
 
@@ -359,8 +357,7 @@ bool lg_machine_set_bristles(const lg_machine *machine, double part, double *the
     const size_t n = machine->velocities;
     const double y = fmin(fmax(part, end), 1.0 - end);
     bool any = false;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
         if (!term->kind->bristles || term->value_count > 0) continue;
         any = true;
         for (size_t k = 0; k < n; k++) theta[term->offset + 3 * n + k] = log(y / (1.0 - y));

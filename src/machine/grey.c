@@ -105,8 +105,8 @@ static lg_status check_entry(const lg_machine *machine, const lg_parameter_entry
 lg_status lg_grey_check(const lg_machine *machine, lg_error *error) {
     const lg_energy_row *system = machine->grey.system;
     bool term = false;
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        term = term || machine->terms[i].kind == &lg_grey_mass_kind;
+    for (const lg_machine_term *at = NULL; lg_machine_next_term(machine, LG_MACHINE_MASS, &at);)
+        term = term || at->kind == &lg_grey_mass_kind;
     if ((system != NULL) != term)
         return lg_fail(error, LG_INVALID_ARGUMENT,
                        "a machine has either a system and the terms of this system, or neither");
@@ -393,7 +393,7 @@ static lg_var initial_mass(lg_tape *tape, const lg_machine *machine) {
     lg_machine_reference(machine, q);
     lg_machine_split_positions(tape, machine, lg_input_f64(tape, lg_shape2(1, machine->positions), q), parts);
     const lg_machine_seen seen = {.parts = parts, .rows = 1, .directions = machine->momenta == 0};
-    const lg_term_at at = lg_term_at_of(tape, &vars, 0, &seen);
+    const lg_term_at at = lg_term_at_of(tape, &vars, machine->terms, &seen);
     return mass(&at);
 }
 

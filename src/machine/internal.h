@@ -42,6 +42,10 @@ typedef struct lg_machine_offsets {
  * is one. */
 LG_API bool lg_machine_next(const lg_machine *machine, lg_machine_offsets *at);
 LG_API lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate);
+/* Goes from NULL to the first term of the part (LG_MACHINE_PART_COUNT: of any part) and on to the next one;
+ * returns whether there is one. */
+LG_API bool lg_machine_next_term(const lg_machine *machine, lg_machine_part part,
+                                 const lg_machine_term **term);
 
 /* What a term may depend on, for B rows: parts of the state (NULL: the term is a mass that does not depend on
  * it), velocities (B, velocities) and input (B, inputs). v and u are LG_NONE for parts of the machine that do
@@ -65,11 +69,11 @@ typedef struct lg_term_at {
     lg_var theta;
     const lg_machine_seen *seen;
 } lg_term_at;
-static inline lg_term_at lg_term_at_of(lg_tape *tape, const lg_machine_vars *vars, uint32_t index,
-                                       const lg_machine_seen *seen) {
+static inline lg_term_at lg_term_at_of(lg_tape *tape, const lg_machine_vars *vars,
+                                       const lg_machine_term *term, const lg_machine_seen *seen) {
     const lg_machine *machine = vars->machine;
-    const uint32_t n = machine->velocities;
-    return (lg_term_at){tape, vars, machine, &machine->terms[index], index, n, vars->theta[index], seen};
+    const uint32_t n = machine->velocities, index = (uint32_t)(term - machine->terms);
+    return (lg_term_at){tape, vars, machine, term, index, n, vars->theta[index], seen};
 }
 
 /* An entry of a term's values: its name, its unit (1 in scaled units), its start in scaled units, whether it
@@ -590,17 +594,15 @@ size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, con
 void lg_machine_restricted_problem(const lg_machine_restriction *restriction, lg_fit_problem *out);
 
 static inline bool lg_machine_has_part(const lg_machine *machine, lg_machine_part part) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == part) return true;
-    return false;
+    return lg_machine_next_term(machine, part, &(const lg_machine_term *){NULL});
 }
 
 /* Whether a term of the part (LG_MACHINE_PART_COUNT: of any part) depends on the position of a coordinate. */
 static inline bool lg_machine_sees(const lg_machine *machine, lg_machine_part part, uint32_t coordinate) {
-    for (const lg_machine_term *at = machine->terms; at < machine->terms + machine->term_count; at++)
+    for (const lg_machine_term *at = NULL; lg_machine_next_term(machine, part, &at);)
         for (uint32_t k = 0; k < at->of_count && at->part != LG_MACHINE_OFFSET; k++)
             if (at->of[k].index == coordinate && at->of[k].kind != LG_FEATURE_VELOCITY &&
-                at->of[k].kind != LG_FEATURE_INPUT && (part == LG_MACHINE_PART_COUNT || part == at->part))
+                at->of[k].kind != LG_FEATURE_INPUT)
                 return true;
     return false;
 }

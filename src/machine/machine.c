@@ -89,8 +89,8 @@ static lg_status count_coordinates(lg_machine *machine, lg_error *error) {
 }
 
 static lg_status check_kinds(const lg_machine *machine, lg_error *error) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].kind == NULL || machine->terms[i].kind->part != machine->terms[i].part)
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);)
+        if (term->kind == NULL || term->kind->part != term->part)
             return lg_fail(error, LG_INVALID_ARGUMENT, "a term has no kind, or a kind of another part");
     return LG_OK;
 }
@@ -215,9 +215,8 @@ static lg_status check_mass(const lg_machine *machine, lg_error *error) {
     bool directions = machine->directions == 0;
     if (!lg_machine_has_part(machine, LG_MACHINE_MASS))
         return lg_fail(error, LG_INVALID_ARGUMENT, "a machine needs a mass");
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        directions = directions ||
-                     (machine->terms[i].part == LG_MACHINE_MASS && machine->terms[i].kind->outputs == NULL);
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_MASS, &term);)
+        directions = directions || term->kind->outputs == NULL;
     if (directions) return LG_OK;
     return lg_fail(error, LG_INVALID_ARGUMENT,
                    "the mass of a direction is one number: add a mass of kind diagonal or known");
@@ -257,9 +256,7 @@ static lg_status check_positive(const lg_machine *machine, lg_machine_part part,
     double sum[LG_MACHINE_VALUES] = {0};
     const lg_machine_term *known = NULL;
     bool alone = part == LG_MACHINE_MASS && machine->grey.system == NULL;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
-        if (term->part != part) continue;
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, part, &term);) {
         if (strcmp(term->kind->name, "known") == 0) known = term, add_known(machine, term, sum);
         alone = alone && known == term && term->entry_count == 0;
     }
@@ -288,8 +285,7 @@ static void find_gauge(lg_machine *machine) {
     const bool grey = machine->grey.system != NULL;
     bool given = lg_grey_known(machine), moving = false, single = false;
     uint32_t masses = 0;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
         if (term->part == LG_MACHINE_ACTUATOR) continue;
         given = given || gives_factor(term);
         for (uint32_t k = 0; k < term->entry_count; k++) given = given || term->entries[k].sigma > 0.0;
@@ -348,8 +344,7 @@ static void scale_last(const lg_mlp *net, double *theta) {
 }
 
 void lg_machine_initialise(const lg_machine *machine, lg_rng *rng, double *theta) {
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
         double *slice = theta + term->offset;
         for (size_t j = 0; j < term->parameters; j++) slice[j] = 0.0;
         if (term->kind->outputs != NULL) {

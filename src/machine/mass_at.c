@@ -63,8 +63,8 @@ static double nearest(const lg_machine_problem *problem, size_t windows, const d
 
 /* Whether a mass of the machine is a network. */
 static bool is_learned(const lg_machine *machine) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == LG_MACHINE_MASS && machine->terms[i].kind->outputs != NULL) return true;
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_MASS, &term);)
+        if (term->kind->outputs != NULL) return true;
     return false;
 }
 
@@ -105,8 +105,7 @@ size_t lg_machine_numbers_at(const lg_machine *machine, const double *theta, con
     if (l.status == LG_OK)
         l.status = lg_machine_bind(l.tape, machine, lg_machine_parameter(l.tape, machine, theta), &l.vars);
     if (network && theta != NULL) put_moving_mass(&l, machine, positions);
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
         if (network && term->part == LG_MACHINE_MASS && term->kind != &lg_grey_mass_kind) continue;
         if (term->entry_count > 0) lg_numbers_entries(&l, machine, term, theta + term->offset);
         lg_term_numbers *own = term->kind->each != LG_PARAMETER_OTHER ? lg_numbers_each : term->kind->numbers;

@@ -78,12 +78,11 @@ void lg_numbers_put_mass(lg_number_list *l, const lg_machine *machine, lg_var M,
 void lg_numbers_mass(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                      const double *theta) {
     uint32_t at[LG_MACHINE_VELOCITIES];
-    const uint32_t index = (uint32_t)(term - machine->terms);
     const bool good = l->status == LG_OK, diagonal = (term->kind->options & LG_TERM_VALUES) != 0;
     for (int directions = 0; directions < 2; directions++) {
         const lg_machine_seen seen = {.rows = 1, .directions = directions};
         if (lg_machine_mass_velocities(machine, directions, at) == 0) continue;
-        const lg_term_at of = lg_term_at_of(l->tape, &l->vars, index, &seen);
+        const lg_term_at of = lg_term_at_of(l->tape, &l->vars, term, &seen);
         const lg_var M = good ? term->kind->record(&of) : LG_NONE;
         lg_numbers_put_mass(l, machine, M, directions, diagonal || directions);
     }
@@ -175,7 +174,7 @@ void lg_numbers_constant_damping(lg_number_list *l, const lg_machine *machine, c
     lg_var f = LG_NONE;
     if (l->status == LG_OK) {
         seen.v = lg_reshape(l->tape, lg_unit_matrix(l->tape, n), lg_shape2(n, n));
-        const lg_term_at of = lg_term_at_of(l->tape, &l->vars, (uint32_t)(term - machine->terms), &seen);
+        const lg_term_at of = lg_term_at_of(l->tape, &l->vars, term, &seen);
         f = term->kind->record(&of);
     }
     lg_numbers_read(l, f, (size_t)n * n, D);

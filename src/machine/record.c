@@ -51,11 +51,10 @@ static lg_var sum_of(lg_tape *tape, const lg_machine_vars *vars, lg_machine_part
         actuated.u = lg_machine_record_actuated(tape, vars, seen);
         seen = &actuated;
     }
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_term_at at = lg_term_at_of(tape, vars, i, seen);
-        const lg_term_kind *kind = at.term->kind;
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, part, &term);) {
+        const lg_term_at at = lg_term_at_of(tape, vars, term, seen);
+        const lg_term_kind *kind = term->kind;
         const bool wide = kind != &lg_grey_mass_kind && lg_machine_tied(machine);
-        if (kind->part != part) continue;
         sum = lg_add_or(tape, sum,
                         part != LG_MACHINE_MASS ? kind->record(&at)
                         : wide                  ? widened(&at)
@@ -76,16 +75,16 @@ static lg_var grey_theta(const lg_machine_vars *vars) {
 }
 
 bool lg_machine_mass_moves(const lg_machine *machine) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].kind->moving != NULL && machine->terms[i].kind->moving(machine)) return true;
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);)
+        if (term->kind->moving != NULL && term->kind->moving(machine)) return true;
     return false;
 }
 
 lg_status lg_machine_bind(lg_tape *tape, const lg_machine *machine, lg_var theta, lg_machine_vars *vars) {
     LG_TRY(lg_tape_needs(tape, "machine", machine != NULL && vars != NULL));
     *vars = (lg_machine_vars){.machine = machine};
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
+        const uint32_t i = (uint32_t)(term - machine->terms);
         if (term->parameters == 0) continue;
         vars->theta[i] = lg_slice(tape, theta, 0, (uint32_t)term->offset, (uint32_t)term->parameters);
         if (term->kind->outputs != NULL)
@@ -541,10 +540,10 @@ lg_status lg_machine_record_motion(lg_tape *tape, const lg_machine_vars *vars, c
     const int x = lg_machine_parts(machine).x;
     lg_var g[LG_TAPED_MAX_PARTS], change;
     *out = (lg_machine_motion){moving_mass(tape, vars, seen), all_forces(tape, vars, seen), LG_NONE};
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_term_at at = lg_term_at_of(tape, vars, i, seen);
-        if (at.term->kind->limit != NULL && lg_machine_term_sticks(machine, at.term))
-            out->c = lg_add_or(tape, out->c, at.term->kind->limit(&at));
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
+        const lg_term_at at = lg_term_at_of(tape, vars, term, seen);
+        if (term->kind->limit != NULL && lg_machine_term_sticks(machine, term))
+            out->c = lg_add_or(tape, out->c, term->kind->limit(&at));
     }
     if (lg_is_none(out->c)) out->c = lg_full(tape, lg_shape2(1, machine->velocities), 0.0);
     LG_TRY(conservative_force(tape, vars, out->M, seen->v, seen, g));

@@ -9,9 +9,9 @@
 static double least_width(const lg_machine *machine, uint32_t k) {
     const lg_machine_term none = {.width = 0.0};
     double least = lg_machine_width(machine, &none, k);
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if ((machine->terms[i].kind->options & LG_TERM_WIDTH) != 0)
-            least = fmin(least, lg_machine_width(machine, &machine->terms[i], k));
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);)
+        if ((term->kind->options & LG_TERM_WIDTH) != 0)
+            least = fmin(least, lg_machine_width(machine, term, k));
     return least;
 }
 

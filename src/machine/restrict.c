@@ -22,9 +22,8 @@ static size_t all_starts(const lg_machine_problem *problem) {
 bool lg_machine_scale_friction(const lg_machine *machine, const double *theta, double *direction) {
     bool any = false;
     memset(direction, 0, machine->parameters * sizeof *direction);
-    for (uint32_t t = 0; t < machine->term_count; t++) {
-        const lg_machine_term *term = &machine->terms[t];
-        if (term->part != LG_MACHINE_DAMPING || term->parameters == 0) continue;
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_DAMPING, &term);) {
+        if (term->parameters == 0) continue;
         term->kind->scaling(machine, term, theta + term->offset, direction + term->offset);
         any = true;
     }

@@ -49,8 +49,8 @@ static void measure_motion(const lg_machine *plain, const lg_machine_log *log, m
 }
 
 static const lg_machine_term *known_term(const lg_machine *machine, lg_machine_part part) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (machine->terms[i].part == part && machine->terms[i].value_count > 0) return &machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, part, &term);)
+        if (term->value_count > 0) return term;
     return NULL;
 }
 

@@ -48,8 +48,7 @@ static lg_var paced(lg_tape *tape, const motion *s, double c, lg_var x) {
 
 /* Whether any force depends on velocities. */
 static bool drags(const lg_machine *machine) {
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
         if (term->part == LG_MACHINE_DAMPING) return true;
         for (uint32_t k = 0; k < term->of_count; k++)
             if (term->of[k].kind == LG_FEATURE_VELOCITY) return true;

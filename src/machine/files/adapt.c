@@ -69,11 +69,9 @@ static bool push(const lg_machine_term *term, const double *force, size_t index,
  * offset acts gets one such direction. */
 static bool offset(const double *force, lg_adaptation *out) {
     const lg_machine *machine = &out->run.machine;
-    for (uint32_t t = 0; t < machine->term_count; t++) {
-        const lg_machine_term *term = &machine->terms[t];
-        for (size_t i = 0; term->part == LG_MACHINE_OFFSET && i < term->parameters; i++)
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_OFFSET, &term);)
+        for (size_t i = 0; i < term->parameters; i++)
             if (push(term, force, i, out)) return true;
-    }
     return false;
 }
 

@@ -283,10 +283,11 @@ static void warn_of_lags(const lg_training *self, const lg_machine_verdict *what
 /* The time constant of an input in seconds, learned or known; 0: it has no lag. */
 static double lag_of(const lg_machine *machine, const lg_machine_verdict *what, uint32_t input) {
     const lg_identified *learned = find_lag(what, machine->inputs[input]);
-    for (uint32_t i = 0; i < machine->term_count && learned == NULL; i++)
-        for (uint32_t k = 0; k < machine->terms[i].of_count && machine->terms[i].kind->order > 0; k++)
-            if (machine->terms[i].of[k].index == input) return machine->terms[i].values[k];
-    return learned != NULL ? learned->value : 0.0;
+    if (learned != NULL) return learned->value;
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);)
+        for (uint32_t k = 0; k < term->of_count && term->kind->order > 0; k++)
+            if (term->of[k].index == input) return term->values[k];
+    return 0.0;
 }
 
 /* Writes the losses from each start of the scan, which is named by its seconds. */

@@ -353,10 +353,9 @@ static bool uses(const lg_machine *machine, const lg_machine_term *term, uint32_
 }
 
 bool lg_machine_sees_position(const lg_machine *machine, uint32_t coordinate) {
-    for (uint32_t t = 0; t < machine->term_count; t++)
-        for (uint32_t k = 0; k < machine->terms[t].of_count; k++)
-            if (machine->terms[t].of[k].index == coordinate && uses(machine, &machine->terms[t], k))
-                return true;
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);)
+        for (uint32_t k = 0; k < term->of_count; k++)
+            if (term->of[k].index == coordinate && uses(machine, term, k)) return true;
     return false;
 }
 
@@ -373,15 +372,14 @@ static lg_status refuse_positions(reading *r) {
                         "system: %s depends on positions, but the log has velocities alone: log the "
                         "positions too",
                         machine->grey.system->name);
-    for (uint32_t t = 0; t < machine->term_count; t++)
-        for (uint32_t k = 0; k < machine->terms[t].of_count; k++)
-            if (uses(machine, &machine->terms[t], k))
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);)
+        for (uint32_t k = 0; k < term->of_count; k++)
+            if (uses(machine, term, k))
                 return LG_FAULT(
-                    r, r->lines[t],
+                    r, r->lines[term - machine->terms],
                     "%s: depends on the position of %s, but the log has velocities alone: log the "
                     "position too, or leave this out",
-                    lg_machine_part_name(machine->terms[t].part),
-                    machine->coordinates[machine->terms[t].of[k].index].name);
+                    lg_machine_part_name(term->part), machine->coordinates[term->of[k].index].name);
     return LG_OK;
 }
 

@@ -139,8 +139,9 @@ static lg_status set_widths(lg_training *self, double part, lg_error *error) {
     const char *width = state->size;
     bool any = false;
     if (width == NULL) return LG_OK;
-    for (uint32_t i = 0; i < file->machine.term_count; i++)
-        any = any || lg_term_is_network(&file->machine.terms[i]);
+    for (const lg_machine_term *term = NULL;
+         lg_machine_next_term(&file->machine, LG_MACHINE_PART_COUNT, &term);)
+        any = any || lg_term_is_network(term);
     if (!any) return lg_fail(error, LG_INVALID_ARGUMENT, "--size: this machine has no network");
     if (strcmp(width, "auto") == 0) {
         LG_TRY(choose_widths(self, part, &width, error));

@@ -16,10 +16,9 @@ static bool has_inputs(const lg_machine_file *file, const lg_candidate *self) {
 /* The machine has inputs, and no lag whose value is known. */
 static bool lags_are_open(const lg_machine_file *file, const lg_candidate *self) {
     bool open = has_inputs(file, self);
-    for (uint32_t i = 0; i < file->machine.term_count; i++) {
-        const lg_machine_term *term = &file->machine.terms[i];
+    for (const lg_machine_term *term = NULL;
+         lg_machine_next_term(&file->machine, LG_MACHINE_PART_COUNT, &term);)
         open = open && (term->kind->lag == NULL || term->entry_count == term->value_count);
-    }
     return open;
 }
 
@@ -136,12 +135,9 @@ static bool sees(const lg_machine_term *term, uint32_t coordinate) {
 static bool is_open(const lg_machine_file *file, const lg_candidate *row, uint32_t line) {
     const lg_machine *machine = &file->machine;
     if (row->applies != NULL && !row->applies(file, row)) return false;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
-        if (term->part == row->part && is_listed(row->unless, lg_term_kind_name(term->kind)) &&
-            (!row->each || sees(term, line)))
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, row->part, &term);)
+        if (is_listed(row->unless, lg_term_kind_name(term->kind)) && (!row->each || sees(term, line)))
             return false;
-    }
     return true;
 }
 

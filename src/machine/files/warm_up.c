@@ -71,11 +71,9 @@ static lg_status fit_stage(lg_training *self, const lg_machine_problem *problem,
 
 /* Copies the parameters of the system, which are those of its mass term. */
 static void copy_system(const lg_machine *machine, const double *from, double *to) {
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);)
         if (strcmp(lg_term_kind_name(term->kind), "system") == 0)
             memcpy(to + term->offset, from + term->offset, term->parameters * sizeof *to);
-    }
 }
 
 /* The initial parameters of a system may make it too stiff for the integrator's steps. A step of explicit
@@ -279,14 +277,13 @@ static lg_status fit_candidates(lg_training *self, const lg_machine *machine, do
 
 /* ---- the plain machine: without residuals, changes of friction and spare networks ---- */
 
-/* Whether term i is spare: a residual, friction that changes the coefficients of another term, or a network
+/* Whether a term is spare: a residual, friction that changes the coefficients of another term, or a network
  * in a part that also has a term which is not a network. */
-static bool is_spare(const lg_machine *machine, uint32_t i) {
-    const lg_machine_term *term = &machine->terms[i];
+static bool is_spare(const lg_machine *machine, const lg_machine_term *term) {
     if (term->part == LG_MACHINE_RESIDUAL || lg_machine_base(machine, term) != NULL) return true;
     bool others = false;
-    for (uint32_t j = 0; j < machine->term_count; j++)
-        others = others || (machine->terms[j].part == term->part && !lg_term_is_network(&machine->terms[j]));
+    for (const lg_machine_term *other = NULL; lg_machine_next_term(machine, term->part, &other);)
+        others = others || !lg_term_is_network(other);
     return others && lg_term_is_network(term);
 }
 
@@ -294,28 +291,24 @@ static bool is_spare(const lg_machine *machine, uint32_t i) {
 static lg_status make_plain(const lg_machine *machine, lg_machine *out, lg_error *error) {
     *out = *machine;
     out->term_count = 0;
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (!is_spare(machine, i)) out->terms[out->term_count++] = machine->terms[i];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);)
+        if (!is_spare(machine, term)) out->terms[out->term_count++] = *term;
     return lg_machine_init(out, error);
 }
 
 /* Damping's parameters below `part` of their initial values become `value` times these. */
 static void raise(const lg_machine *machine, const double *initial, double part, double value,
                   double *theta) {
-    for (uint32_t t = 0; t < machine->term_count; t++) {
-        const lg_machine_term *term = &machine->terms[t];
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_DAMPING, &term);)
         for (size_t k = term->offset; k < term->offset + term->parameters; k++)
-            if (term->part == LG_MACHINE_DAMPING && initial[k] > 0.0 && fabs(theta[k]) < part * initial[k])
-                theta[k] = value * initial[k];
-    }
+            if (initial[k] > 0.0 && fabs(theta[k]) < part * initial[k]) theta[k] = value * initial[k];
 }
 
 /* Coefficients are squares of parameters, so a parameter that a fit of the plain machine brought near 0
  * would stay there. Where other friction changes these coefficients, such a parameter begins again. */
 static void lift(const lg_machine *machine, const double *initial, double *theta) {
-    for (uint32_t i = 0; i < machine->term_count; i++)
-        if (is_spare(machine, i) && machine->terms[i].part == LG_MACHINE_DAMPING)
-            raise(machine, initial, 1.0, 1.0, theta);
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_DAMPING, &term);)
+        if (is_spare(machine, term)) raise(machine, initial, 1.0, 1.0, theta);
 }
 
 void lg_machine_revive(const lg_machine *machine, const double *initial, double *theta) {
@@ -325,9 +318,8 @@ void lg_machine_revive(const lg_machine *machine, const double *initial, double 
 /* Scales down the last layers of spare networks, so that they begin near 0. */
 static void quieten(const lg_machine *machine, double *theta) {
     static const double quiet = 1e-2;
-    for (uint32_t i = 0; i < machine->term_count; i++) {
-        const lg_machine_term *term = &machine->terms[i];
-        if (!is_spare(machine, i) || !lg_term_is_network(term)) continue; /* polynomials begin at 0 */
+    for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
+        if (!is_spare(machine, term) || !lg_term_is_network(term)) continue; /* polynomials begin at 0 */
         for (size_t k = lg_mlp_weight_offset(&term->net, term->net.layers - 1); k < term->parameters; k++)
             theta[term->offset + k] *= quiet;
     }
