@@ -19,6 +19,10 @@ lg_space lg_hamiltonian_space_of(const lg_hamiltonian_family *family, uint32_t n
     return space;
 }
 
+lg_space lg_hamiltonian_model_space(const lg_hamiltonian *model) {
+    return lg_hamiltonian_space_of(model->family, model->n);
+}
+
 /* The larger one of the errors | |q| - 1 | and |q.p| / |p|. */
 static double off_sphere(const double *copy) {
     const double *q = copy, *p = copy + 3, along = fabs(lg_dot3(q, p));
@@ -71,7 +75,7 @@ size_t lg_hamiltonian_parameters(const lg_hamiltonian *model) {
 }
 
 uint32_t lg_hamiltonian_state_dim(const lg_hamiltonian *model) {
-    return (uint32_t)lg_hamiltonian_space_of(model->family, model->n).dim;
+    return (uint32_t)lg_hamiltonian_model_space(model).dim;
 }
 
 uint32_t lg_hamiltonian_input_dim(const lg_hamiltonian *model) {

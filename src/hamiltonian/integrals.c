@@ -81,7 +81,7 @@ static const char function_name[] = "integral";
 static lg_var of_program(void *user, lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
     const lg_program *program = user;
     const lg_hamiltonian *model = vars->model;
-    const lg_space space = lg_hamiltonian_space_of(model->family, model->n);
+    const lg_space space = lg_hamiltonian_model_space(model);
     size_t function = 0;
     lg_var g;
     (void)lg_program_find(program, function_name, &function, NULL);

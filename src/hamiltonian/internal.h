@@ -88,6 +88,11 @@ lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, 
 
 /* Returns the space of n copies of the family. lg_hamiltonian_init must have accepted n. */
 lg_space lg_hamiltonian_space_of(const lg_hamiltonian_family *family, uint32_t n);
+lg_space lg_hamiltonian_model_space(const lg_hamiltonian *model);
+/* The parts of a state, or of a gradient, times factor/scale of each part; and each times its scale. */
+void lg_hamiltonian_over_scales(lg_tape *tape, const lg_hamiltonian *model, double factor, const lg_var *y,
+                                lg_var *out);
+void lg_hamiltonian_by_scales(lg_tape *tape, const lg_hamiltonian *model, const lg_var *y, lg_var *out);
 
 /* Whether geodesic distances are known for every factor of the space. */
 bool lg_hamiltonian_has_geodesics(const lg_space *space);

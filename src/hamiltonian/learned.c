@@ -29,7 +29,7 @@ static size_t trajectory_size(const lg_hamiltonian_problem *problem) {
 lg_status lg_hamiltonian_learned(const lg_context *context, const lg_hamiltonian *model, const double *theta,
                                  lg_model **out, lg_error *error) {
     lg_program *program;
-    const lg_space space = lg_hamiltonian_space_of(model->family, model->n);
+    const lg_space space = lg_hamiltonian_model_space(model);
     LG_TRY(lg_hamiltonian_program(context, model, theta, NULL, &program, error));
     return lg_model_create(context, program, &space, out, error);
 }

@@ -20,7 +20,7 @@ typedef lg_var (*quantity)(lg_tape *tape, const lg_hamiltonian_problem *problem,
 
 /* The squared lengths of the parts. */
 static lg_var squares_of(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_var *y) {
-    const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
+    const lg_space space = lg_hamiltonian_model_space(problem->model);
     const size_t parts = lg_taped_parts(&space);
     lg_var square[LG_HAMILTONIAN_MAX_PARTS];
     for (size_t i = 0; i < parts; i++) {
@@ -42,20 +42,18 @@ static lg_var first_integral(lg_tape *tape, const lg_hamiltonian_problem *proble
 
 /* dG/dy with y divided by its scales; NaN where G is not finite. */
 static lg_var slope(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_var *y) {
-    const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
-    const size_t parts = lg_taped_parts(&space);
+    const lg_space space = lg_hamiltonian_model_space(problem->model);
     const lg_var values = first_integral(tape, problem, y);
     lg_var each[LG_HAMILTONIAN_MAX_PARTS];
-    if (lg_grad(tape, lg_sum(tape, values), y, parts, each) != LG_OK) return LG_NONE;
-    for (size_t i = 0; i < parts; i++)
-        each[i] = lg_hamiltonian_scaled(tape, each[i], problem->model->scales.part[i]);
+    if (lg_grad(tape, lg_sum(tape, values), y, lg_taped_parts(&space), each) != LG_OK) return LG_NONE;
+    lg_hamiltonian_by_scales(tape, problem->model, each, each);
     return lg_add(tape, lg_taped_join(tape, &space, each), lg_scale(tape, values, 0.0));
 }
 
 /* Computes the quantity at all points: *out (n, points, *k), which the caller frees. */
 static lg_status compute(const lg_context *context, const lg_hamiltonian_problem *problem, quantity record,
                          double **out, size_t *k) {
-    const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
+    const lg_space space = lg_hamiltonian_model_space(problem->model);
     const uint32_t rows = (uint32_t)problem->points, d = (uint32_t)space.dim;
     LG_CLEAN(lg_tape_destroy_at) lg_tape *tape = NULL;
     LG_TRY(lg_tape_create(context, NULL, &tape));

@@ -25,7 +25,7 @@ OF_MODEL(drift, y[0] = lg_hamiltonian_record_drift(tape, &vars, x[0]))
 /* The field uses only the output dH/dx of grad; a plan then leaves out the computation of the value. */
 static lg_status field(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x, lg_var *y) {
     const recording *r = user;
-    const lg_space space = lg_hamiltonian_space_of(r->model->family, r->model->n);
+    const lg_space space = lg_hamiltonian_model_space(r->model);
     lg_var state[LG_HAMILTONIAN_MAX_PARTS], dH[LG_HAMILTONIAN_MAX_PARTS], out[LG_HAMILTONIAN_MAX_PARTS];
     LG_TRY(lg_taped_split(tape, &space, x[0], state));
     LG_TRY(lg_taped_split(tape, &space, lg_program_call(tape, "grad", 1, x), dH));
@@ -51,8 +51,7 @@ static lg_status push(const recording *r, lg_tape *tape, const lg_space *space, 
 static lg_status variational_step(void *user, lg_tape *tape, const lg_var *theta, const lg_var *x,
                                   lg_var *y) {
     const recording *r = user;
-    const lg_hamiltonian_scales *scales = &r->model->scales;
-    const lg_space space = lg_hamiltonian_space_of(r->model->family, r->model->n);
+    const lg_space space = lg_hamiltonian_model_space(r->model);
     const bool driven = lg_hamiltonian_input_dim(r->model) > 0;
     const lg_var u = driven ? x[1] : LG_NONE, h = x[driven ? 2 : 1];
     const lg_shape tall = lg_shape3(lg_var_shape(tape, h).dims[0], 1, 1);
@@ -62,12 +61,10 @@ static lg_status variational_step(void *user, lg_tape *tape, const lg_var *theta
     LG_TRY(lg_hamiltonian_bind(tape, r->model, theta[0], &vars));
     LG_TRY(lg_taped_split(tape, &space, x[0], parts));
     LG_TRY(push(r, tape, &space, &over, u, parts));
-    for (size_t i = 0; i < lg_taped_parts(&space); i++)
-        parts[i] = lg_hamiltonian_scaled(tape, parts[i], 1.0 / scales->part[i]);
-    over.h = 1.0 / scales->time;
+    lg_hamiltonian_over_scales(tape, r->model, 1.0, parts, parts);
+    over.h = 1.0 / r->model->scales.time;
     LG_TRY(lg_hamiltonian_variational_step(tape, &vars, &over, parts, parts));
-    for (size_t i = 0; i < lg_taped_parts(&space); i++)
-        parts[i] = lg_hamiltonian_scaled(tape, parts[i], scales->part[i]);
+    lg_hamiltonian_by_scales(tape, r->model, parts, parts);
     over.h = 1.0;
     LG_TRY(push(r, tape, &space, &over, u, parts));
     y[0] = lg_taped_join(tape, &space, parts);
@@ -138,7 +135,7 @@ static lg_status build(const lg_context *context, recording *r, const double *th
 
 /* Adds the step and the Jacobian of `velocity`, then gives the program its parameters. */
 static lg_status finish(const recording *r, lg_program *program, const double *theta, lg_error *error) {
-    const lg_space space = lg_hamiltonian_space_of(r->model->family, r->model->n);
+    const lg_space space = lg_hamiltonian_model_space(r->model);
     LG_TRY(r->scheme->kind != LG_SCHEME_VARIATIONAL || r->model->family->ambient == NULL
                ? lg_program_add_step(program, &space, r->scheme, 0.001, 0.05, error)
                : lg_program_put_step(program, 0.001, 0.05, variational_step, (void *)(uintptr_t)r, error));

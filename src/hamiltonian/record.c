@@ -16,7 +16,7 @@ double lg_hamiltonian_energy_scale(const lg_hamiltonian *model) {
 
 void lg_hamiltonian_number_scales(const lg_hamiltonian *model, double *out) {
     uint8_t part[LG_HAMILTONIAN_LARGEST];
-    const lg_space space = lg_hamiltonian_space_of(model->family, model->n);
+    const lg_space space = lg_hamiltonian_model_space(model);
     lg_taped_number_parts(&space, part);
     for (size_t i = 0; i < space.dim; i++) out[i] = model->scales.part[part[i]];
 }
@@ -50,10 +50,15 @@ void lg_hamiltonian_cut(lg_tape *tape, const lg_hamiltonian_family *family, cons
     }
 }
 
-/* Divides the parts by their scales. */
-static void inside(lg_tape *tape, const lg_hamiltonian *model, size_t parts, const lg_var *y, lg_var *out) {
-    for (size_t i = 0; i < parts; i++)
-        out[i] = lg_hamiltonian_scaled(tape, y[i], 1.0 / model->scales.part[i]);
+void lg_hamiltonian_over_scales(lg_tape *tape, const lg_hamiltonian *model, double factor, const lg_var *y,
+                                lg_var *out) {
+    for (size_t i = 0; model->family->layout[i] != NULL; i++)
+        out[i] = lg_hamiltonian_scaled(tape, y[i], factor / model->scales.part[i]);
+}
+
+void lg_hamiltonian_by_scales(lg_tape *tape, const lg_hamiltonian *model, const lg_var *y, lg_var *out) {
+    for (size_t i = 0; model->family->layout[i] != NULL; i++)
+        out[i] = lg_hamiltonian_scaled(tape, y[i], model->scales.part[i]);
 }
 
 /* ---- variables that depend on theta only ---- */
@@ -169,20 +174,17 @@ static void gradient_inside(lg_tape *tape, const lg_hamiltonian_vars *vars, cons
         return;
     }
     for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++) out[i] = LG_NONE;
-    const lg_space space = lg_hamiltonian_space_of(family, vars->model->n);
+    const lg_space space = lg_hamiltonian_model_space(vars->model);
     (void)lg_grad(tape, lg_sum(tape, family->energy(tape, vars, y)), y, lg_taped_parts(&space), out);
 }
 
 /* dH/dy of the parts y, all in the units of the data. */
 static void gradient_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var *out) {
     const lg_hamiltonian *model = vars->model;
-    const double energy = lg_hamiltonian_energy_scale(model);
-    const lg_space space = lg_hamiltonian_space_of(model->family, model->n);
     lg_var scaled[LG_HAMILTONIAN_MAX_PARTS];
-    inside(tape, model, lg_taped_parts(&space), y, scaled);
+    lg_hamiltonian_over_scales(tape, model, 1.0, y, scaled);
     gradient_inside(tape, vars, scaled, out);
-    for (size_t i = 0; i < lg_taped_parts(&space); i++)
-        out[i] = lg_hamiltonian_scaled(tape, out[i], energy / model->scales.part[i]);
+    lg_hamiltonian_over_scales(tape, model, lg_hamiltonian_energy_scale(model), out, out);
 }
 
 /* Without a constraint: the brackets of all pairs of parts, with the numbers of the input that belong to
@@ -221,7 +223,7 @@ static void field_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg
 
 static lg_status velocity_parts(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y, lg_var input,
                                 gradient_of gradient, lg_var *out) {
-    const lg_space space = lg_hamiltonian_space_of(vars->model->family, vars->model->n);
+    const lg_space space = lg_hamiltonian_model_space(vars->model);
     lg_var algebra[LG_HAMILTONIAN_MAX_PARTS];
     field_parts(tape, vars, y, input, gradient, algebra);
     return lg_taped_generator(tape, &space, algebra, y, out);
@@ -231,7 +233,7 @@ lg_var lg_hamiltonian_record_force(lg_tape *tape, const lg_hamiltonian_vars *var
     const lg_hamiltonian *model = vars->model;
     const double unit = lg_hamiltonian_energy_scale(model) / model->scales.part[0];
     if (!lg_is_none(input)) input = lg_hamiltonian_scaled(tape, input, 1.0 / unit);
-    inside(tape, model, 1, &q, &q);
+    q = lg_hamiltonian_scaled(tape, q, 1.0 / model->scales.part[0]);
     return lg_hamiltonian_scaled(tape, force_inside(tape, vars, q, input), unit);
 }
 
@@ -247,7 +249,7 @@ lg_var lg_hamiltonian_record_drift(lg_tape *tape, const lg_hamiltonian_vars *var
 
 /* Sets the space and splits the state into parts. Returns false if the tape has an error. */
 static bool parts_of(lg_tape *tape, const lg_hamiltonian *model, lg_var state, lg_space *space, lg_var *y) {
-    *space = lg_hamiltonian_space_of(model->family, model->n);
+    *space = lg_hamiltonian_model_space(model);
     return lg_taped_split(tape, space, state, y) == LG_OK;
 }
 
@@ -255,7 +257,7 @@ lg_var lg_hamiltonian_record_value(lg_tape *tape, const lg_hamiltonian_vars *var
     lg_space space;
     lg_var y[LG_HAMILTONIAN_MAX_PARTS];
     if (!parts_of(tape, vars->model, state, &space, y)) return LG_NONE;
-    inside(tape, vars->model, lg_taped_parts(&space), y, y);
+    lg_hamiltonian_over_scales(tape, vars->model, 1.0, y, y);
     return lg_hamiltonian_scaled(tape, vars->model->family->energy(tape, vars, y),
                                  lg_hamiltonian_energy_scale(vars->model));
 }
@@ -322,9 +324,8 @@ static lg_status ambient_field(void *user, lg_tape *tape, lg_taped_time t, const
 lg_status lg_hamiltonian_training_ode(lg_tape *tape, lg_hamiltonian_vars *vars, const lg_scheme *scheme,
                                       const lg_var *start, lg_taped_ode *ode) {
     lg_space_factor factors[LG_HAMILTONIAN_MAX_PARTS];
-    *ode = (lg_taped_ode){.field = inner_field,
-                          .user = vars,
-                          .space = lg_hamiltonian_space_of(vars->model->family, vars->model->n)};
+    *ode =
+        (lg_taped_ode){.field = inner_field, .user = vars, .space = lg_hamiltonian_model_space(vars->model)};
     if (vars->model->family->drift != NULL) ode->force = inner_force, ode->velocity = inner_drift;
     if (lg_space_is_abelian(&ode->space) || !scheme->ambient) return LG_OK;
     const size_t parts = lg_taped_parts(&ode->space);

@@ -50,11 +50,10 @@ const lg_first_integral *lg_hamiltonian_integral_of(const lg_hamiltonian_problem
 
 /* G (B, 1) at a point, in the units of the data. `y`: the parts of the point, divided by their scales. */
 static lg_var conserved(lg_tape *tape, const lg_hamiltonian_problem *problem, const lg_hamiltonian_vars *vars,
-                        size_t parts, const lg_var *y) {
+                        const lg_var *y) {
     const lg_first_integral *integral = lg_hamiltonian_integral_of(problem);
     lg_var given[LG_HAMILTONIAN_MAX_PARTS];
-    for (size_t i = 0; i < parts; i++)
-        given[i] = lg_hamiltonian_scaled(tape, y[i], problem->model->scales.part[i]);
+    lg_hamiltonian_by_scales(tape, problem->model, y, given);
     return integral->record(integral->user, tape, vars, given);
 }
 
@@ -62,9 +61,9 @@ static lg_var conserved(lg_tape *tape, const lg_hamiltonian_problem *problem, co
  * points, one point after the other; x is the first point. */
 static lg_var penalty_sum(lg_tape *tape, const lg_hamiltonian_problem *problem,
                           const lg_hamiltonian_vars *vars, size_t parts, const lg_var *y) {
-    lg_var at_start = conserved(tape, problem, vars, parts, y), total = LG_NONE;
+    lg_var at_start = conserved(tape, problem, vars, y), total = LG_NONE;
     for (size_t j = 1; j < problem->points; j++) {
-        lg_var gap = lg_sub(tape, conserved(tape, problem, vars, parts, y + parts * j), at_start);
+        lg_var gap = lg_sub(tape, conserved(tape, problem, vars, y + parts * j), at_start);
         lg_var each = problem->penalty_form == LG_PENALTY_MEAN_SQUARE
                           ? lg_square(tape, gap)
                           : lg_scale(tape, lg_abs(tape, gap), 2.0);
@@ -101,11 +100,13 @@ static lg_status predict(lg_tape *tape, const lg_hamiltonian_problem *problem, l
     return lg_taped_integrate(tape, problem->scheme, &ode, 0.0, h, steps, substeps, start, predicted);
 }
 
-/* One part of `predicted` at all points, concatenated. */
-static lg_var all_points(lg_tape *tape, const lg_var *predicted, size_t points, size_t parts, size_t part) {
-    lg_var out[LG_HAMILTONIAN_MAX_POINTS];
-    for (size_t j = 0; j < points; j++) out[j] = predicted[parts * j + part];
-    return lg_concat(tape, out, points, 0);
+/* Each part of `y`, whose parts lie point by point, at all points, concatenated. */
+static void join_points(lg_tape *tape, const lg_var *y, size_t points, size_t parts, lg_var *out) {
+    lg_var each[LG_HAMILTONIAN_MAX_POINTS];
+    for (size_t part = 0; part < parts; part++) {
+        for (size_t j = 0; j < points; j++) each[j] = y[parts * j + part];
+        out[part] = lg_concat(tape, each, points, 0);
+    }
 }
 
 static const double *weights_of(const lg_hamiltonian_problem *problem) {
@@ -113,16 +114,6 @@ static const double *weights_of(const lg_hamiltonian_problem *problem) {
     for (size_t i = 0; i < LG_HAMILTONIAN_MAX_PARTS; i++)
         if (problem->weight[i] != 0.0) return problem->weight;
     return ones;
-}
-
-/* Weighted sum of squared distances between `predicted`, whose parts lie point by point, and `other`. */
-static lg_var squared_error(lg_tape *tape, const lg_hamiltonian_problem *problem,
-                            lg_hamiltonian_distance distance, const lg_space *space, size_t points,
-                            const lg_var *predicted, const lg_var *other) {
-    const size_t parts = lg_taped_parts(space);
-    lg_var all[LG_HAMILTONIAN_MAX_PARTS];
-    for (size_t part = 0; part < parts; part++) all[part] = all_points(tape, predicted, points, parts, part);
-    return lg_hamiltonian_squared_distance(tape, distance, space, weights_of(problem), all, other);
 }
 
 static bool is_estimated(const lg_hamiltonian_problem *problem) {
@@ -152,7 +143,7 @@ static lg_status begin(lg_tape *tape, const lg_hamiltonian_problem *problem, lg_
     const uint32_t n = (uint32_t)lg_hamiltonian_parameters(problem->model);
     const lg_var weights = is_estimated(problem) ? lg_slice(tape, theta, 0, 0, n) : theta;
     LG_TRY(lg_hamiltonian_bind(tape, problem->model, weights, vars));
-    *space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
+    *space = lg_hamiltonian_model_space(problem->model);
     LG_TRY(given_points(tape, problem, space, samples, count, 0, 0, start));
     if (!is_estimated(problem)) return LG_OK;
     return estimated_starts(tape, problem, space, theta, samples, count, start);
@@ -186,9 +177,11 @@ static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint3
                             size_t batch, lg_var *loss) {
     const lg_hamiltonian_problem *problem = user;
     shard s;
+    lg_var all[LG_HAMILTONIAN_MAX_PARTS];
     LG_TRY(run(tape, problem, theta, samples, count, &s));
-    lg_var squares =
-        squared_error(tape, problem, problem->distance, &s.space, s.used, s.y + s.first * s.parts, s.given);
+    join_points(tape, s.y + s.first * s.parts, s.used, s.parts, all);
+    const lg_var squares =
+        lg_hamiltonian_squared_distance(tape, problem->distance, &s.space, weights_of(problem), all, s.given);
     lg_var total = lg_scale(tape, squares, 1.0 / terms_of(problem, &s.space, batch));
     if (problem->penalty != 0.0) {
         const bool mean = problem->penalty_form == LG_PENALTY_MEAN_SQUARE;
@@ -207,10 +200,10 @@ static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const 
     shard s;
     lg_var columns[LG_HAMILTONIAN_MAX_PARTS];
     LG_TRY(run(tape, problem, theta, samples, count, &s));
+    join_points(tape, s.y + s.first * s.parts, s.used, s.parts, columns);
     for (size_t part = 0; part < s.parts; part++) {
-        const lg_var all = all_points(tape, s.y + s.first * s.parts, s.used, s.parts, part);
-        const lg_var difference =
-            lg_hamiltonian_scaled(tape, lg_sub(tape, all, s.given[part]), sqrt(weights_of(problem)[part]));
+        const lg_var difference = lg_hamiltonian_scaled(tape, lg_sub(tape, columns[part], s.given[part]),
+                                                        sqrt(weights_of(problem)[part]));
         const uint64_t length = lg_shape_count(lg_var_shape(tape, difference));
         columns[part] = lg_reshape(tape, difference, lg_shape1((uint32_t)length));
     }
@@ -229,12 +222,13 @@ static lg_status shard_floor(void *user, lg_tape *tape, lg_var theta, const uint
     const size_t points = problem->points - 1;
     const double power = ldexp(1.0, problem->scheme->order), factor = power / (power - 1.0);
     shard s;
-    lg_var finer[LG_HAMILTONIAN_MAX_PARTS], twice[PREDICTED];
+    lg_var coarse[LG_HAMILTONIAN_MAX_PARTS], fine[LG_HAMILTONIAN_MAX_PARTS], twice[PREDICTED];
     LG_TRY(run(tape, problem, theta, samples, count, &s));
     LG_TRY(predict(tape, problem, &s.vars, 2 * problem->substeps, s.y, twice));
-    for (size_t k = 0; k < s.parts; k++) finer[k] = all_points(tape, twice, points, s.parts, k);
-    lg_var squares =
-        squared_error(tape, problem, LG_DISTANCE_AMBIENT, &s.space, points, s.y + s.parts, finer);
+    join_points(tape, twice, points, s.parts, fine);
+    join_points(tape, s.y + s.parts, points, s.parts, coarse);
+    const lg_var squares = lg_hamiltonian_squared_distance(tape, LG_DISTANCE_AMBIENT, &s.space,
+                                                           weights_of(problem), coarse, fine);
     *floor = lg_scale(tape, squares, factor * factor / terms_of(problem, &s.space, batch));
     return lg_tape_status(tape);
 }
@@ -359,7 +353,7 @@ lg_status lg_hamiltonian_problem_check(const lg_hamiltonian_problem *problem, lg
 }
 
 void lg_hamiltonian_fit_problem(const lg_hamiltonian_problem *problem, lg_fit_problem *out) {
-    const lg_space space = lg_hamiltonian_space_of(problem->model->family, problem->model->n);
+    const lg_space space = lg_hamiltonian_model_space(problem->model);
     const size_t starts = is_estimated(problem) ? problem->trajectories * space.algebra_dim : 0;
     const bool squares = problem->penalty == 0.0 && problem->distance == LG_DISTANCE_AMBIENT;
     const bool network = problem->model->potential == LG_POTENTIAL_MLP;
