@@ -2,7 +2,6 @@
 #include "lg-hamiltonian/training.h"
 
 #include "common/trials.h"
-#include "core/clean.h"
 
 typedef struct generate_values {
     const char *out;

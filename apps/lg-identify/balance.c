@@ -2,11 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
 #include "lg-identify/identify.h"
-#include "liegrad/ops.h"
-#include "liegrad/program.h"
-#include "machine/internal.h"
 
 /* ---- the model's terms at given states ---- */
 

@@ -6,7 +6,6 @@
 #include "lg-identify/identify.h"
 #include "liegrad/geometry.h"
 #include "machine/files/log_table.h"
-#include "machine/internal.h"
 
 typedef struct generate_values {
     const char *out, *excitation;

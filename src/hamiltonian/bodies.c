@@ -27,9 +27,7 @@
  *
  * Without lines M is constant in the frame of the body, which saves its factorization for each state. */
 
-#include "core/core.h"
 #include "hamiltonian/internal.h"
-#include "liegrad/ops.h"
 
 /* vars->kinetic: K (1, N, N); the linear part of A (N, N D) and its constant part (N D); M^-1 (D, D) in the
  * frame of the body, or LG_NONE where M is not constant in this frame. */

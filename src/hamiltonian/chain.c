@@ -1,7 +1,5 @@
 /* Family "chain": pendulum chains on (T*S^2)^n; liegrad/hamiltonian.h has the formulas. The parts q and p,
  * and v = dH/dp and g = dH/dq, have the shape (B, n, 3). */
-#include "core/core.h"
-#include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
 enum {

@@ -3,11 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
 #include "hamiltonian/internal.h"
 #include "hamiltonian/learned.h"
-#include "liegrad/integrators.h"
-#include "liegrad/model.h"
 
 /* Running mean and sum of squared deviations. */
 typedef struct moments {

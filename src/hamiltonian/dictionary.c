@@ -1,6 +1,4 @@
 /* Kinds of potentials: networks of the coordinates x (B, d) or of functions of the coordinates. */
-#include "core/core.h"
-#include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
 /* ---- functions of the dictionary ---- */

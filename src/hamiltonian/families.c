@@ -1,7 +1,6 @@
 /* The table of families. */
 #include <string.h>
 
-#include "core/core.h"
 #include "hamiltonian/internal.h"
 
 #define ROW(name) &lg_hamiltonian_##name,

@@ -1,5 +1,4 @@
 /* Positive definite matrices m = Gamma^T Gamma + diag(max(0, b)), which learned masses have. */
-#include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 #include "kernels/matrix.h"
 

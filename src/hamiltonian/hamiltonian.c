@@ -1,7 +1,6 @@
 /* Learned Hamiltonians: description and initialisation. */
 #include <math.h>
 
-#include "core/core.h"
 #include "hamiltonian/internal.h"
 #include "liegrad/geometry.h"
 

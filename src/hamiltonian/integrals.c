@@ -1,8 +1,6 @@
 /* The table of first integrals for the penalty in training; see liegrad/hamiltonian.h. */
 #include <string.h>
 
-#include "core/core.h"
-#include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
 /* The first column of x (B, n), as (B, 1). */

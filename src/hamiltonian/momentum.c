@@ -4,8 +4,6 @@
 #include "core/clean.h"
 #include "hamiltonian/internal.h"
 #include "kernels/matrix.h"
-#include "liegrad/ops.h"
-#include "liegrad/taped.h"
 
 LG_AT(lg_tape_destroy, lg_tape)
 

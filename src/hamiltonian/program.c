@@ -1,6 +1,5 @@
 /* A learned Hamiltonian as a program, a set of named functions. */
 #include "autodiff/program/program.h"
-#include "integrators/taped_internal.h"
 #include "hamiltonian/internal.h"
 
 typedef struct recording {

@@ -2,9 +2,6 @@
 #include <math.h>
 
 #include "autodiff/tape/tape_internal.h"
-#include "core/core.h"
-#include "integrators/taped_internal.h"
-#include "liegrad/ops.h"
 #include "hamiltonian/constraint.h"
 #include "hamiltonian/internal.h"
 

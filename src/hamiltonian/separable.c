@@ -2,7 +2,6 @@
  *   "separable"    H = 1/2 |A p|^2 + V(q)
  *   "constrained"  H = 1/2 p.v + V(q) on T*Q, Q = {q: g(q) = 0} with g from the user's program;
  *                  liegrad/constraint.h has the formulas. Without a constraint v = M^-1 p. */
-#include "liegrad/ops.h"
 #include "hamiltonian/constraint.h"
 #include "hamiltonian/internal.h"
 

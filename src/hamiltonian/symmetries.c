@@ -1,7 +1,5 @@
 /* Symmetries of a potential: what V's network takes instead of the coordinates x, and the sign of mirrored
  * arguments. */
-#include "core/core.h"
-#include "liegrad/ops.h"
 #include "hamiltonian/internal.h"
 
 uint32_t lg_hamiltonian_vectors(const lg_hamiltonian *model) {

@@ -6,7 +6,6 @@
 #include "autodiff/tape/tape_internal.h"
 #include "core/numbers.h"
 #include "integrators/stepper.h"
-#include "integrators/taped_internal.h"
 #include "hamiltonian/internal.h"
 
 /* ---- data ---- */

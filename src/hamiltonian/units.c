@@ -2,8 +2,6 @@
 #include <float.h>
 #include <math.h>
 
-#include "core/core.h"
-#include "integrators/taped_internal.h"
 #include "hamiltonian/internal.h"
 
 /* Root mean squares per part, over all trajectories. The squares of the numbers of one copy are added. */

@@ -12,8 +12,6 @@
  * needed: pi = sum_j r_j x P_j, p = P - q (q.P), and the components of P for lines. Momenta that belong to a
  * symmetry of V under rotations and shifts are conserved to rounding. */
 #include "hamiltonian/internal.h"
-#include "integrators/taped_internal.h"
-#include "liegrad/ops.h"
 
 typedef struct step {
     const lg_hamiltonian_family *family;

@@ -2,7 +2,6 @@
  * the velocities of all coordinates in logs. States and their equations contain no biases. */
 #include <math.h>
 
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 /* Writes to `out` the columns of a log row (positions, then velocities) to which the term adds its

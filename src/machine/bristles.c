@@ -7,8 +7,6 @@
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
-#include "core/core.h"
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 enum { HISTORY = 200, NUMBERS = 4, C = 0, MORE, SPEED, SPRING };

@@ -1,7 +1,6 @@
 /* Machines: the kinds of coordinates, and the offsets of each coordinate's numbers in states and logs. */
 #include <string.h>
 
-#include "core/core.h"
 #include "machine/internal.h"
 
 static const lg_coordinate_row coordinate_rows[LG_COORDINATE_KIND_COUNT] = {

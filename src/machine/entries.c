@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 /* ---- x = a e^(g t) + b + s t + r/(1 + e^-(t + l)) ---- */

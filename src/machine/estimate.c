@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
-#include "core/clean.h"
 #include "machine/chain.h"
 
 typedef struct estimate {

@@ -1,7 +1,6 @@
 /* Machines: the features that terms take from a state, and building blocks for recording terms. */
 #include <string.h>
 
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 lg_var lg_machine_columns(lg_tape *tape, lg_var x, uint32_t first, uint32_t count) {

@@ -2,7 +2,6 @@
  * learned matrices D are L L^T, so that v.f <= 0. */
 #include <stdio.h>
 
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 /* Initial value of the parameters of learned damping. The coefficients, or the diagonal of D, are then

@@ -2,8 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 #include "mechanics/system.h"
 

@@ -5,8 +5,6 @@
 #include <string.h>
 
 #include "autodiff/program/program.h"
-#include "core/core.h"
-#include "liegrad/ops.h"
 #include "machine/chain.h"
 
 /* Most rows of the plan; most derivatives of an interval; least rows of a long window. */

@@ -11,7 +11,6 @@
 #include <pthread.h>
 #include <string.h>
 
-#include "core/core.h"
 #include "machine/internal.h"
 
 /* ---- one interval ---- */

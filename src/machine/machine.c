@@ -2,7 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
 #include "integrators/stepper.h"
 #include "kernels/matrix.h"
 #include "machine/internal.h"

@@ -2,7 +2,6 @@
  * of parameters. */
 #include <stdio.h>
 
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 /* ---- known ---- */

@@ -3,7 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
 #include "machine/internal.h"
 
 /* Most numbers to compare: sine and cosine of angles, all other positions unchanged. */

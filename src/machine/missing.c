@@ -12,7 +12,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
 #include "kernels/kernels.h"
 #include "machine/internal.h"
 

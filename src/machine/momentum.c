@@ -6,8 +6,6 @@
  * hardly have local minima, however wrong the parameters are. Velocities predicted with M^-1 do. */
 #include <math.h>
 
-#include "core/core.h"
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 /* The momenta of a state, (B, numbers). */

@@ -3,8 +3,6 @@
 #include <stdarg.h>
 #include <stdio.h>
 
-#include "core/core.h"
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 void lg_numbers_put(lg_number_list *l, double value, const char *format, ...) {

@@ -2,7 +2,6 @@
 #include <stdio.h>
 
 #include "autodiff/tape/tape_internal.h"
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 uint32_t lg_machine_offset_velocities(const lg_machine *machine, const lg_machine_term *term, uint32_t *out) {

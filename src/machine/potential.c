@@ -1,6 +1,5 @@
 /* Machines: kinds of potential energy, and polynomials. All except the network are linear in their
  * parameters. */
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 /* ---- monomials of features ---- */

@@ -4,9 +4,6 @@
 #include <math.h>
 
 #include "autodiff/program/program.h"
-#include "core/core.h"
-#include "integrators/taped_internal.h"
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 /* Bound on the numbers of a state: of positions, velocities, bristles and lagged inputs together. */

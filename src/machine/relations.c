@@ -2,7 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
 #include "machine/internal.h"
 
 static void correlate(size_t n, const double *covariance, const lg_identified *numbers, double *out) {

@@ -9,8 +9,6 @@
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
-#include "core/core.h"
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 static size_t all_starts(const lg_machine_problem *problem) {

@@ -2,7 +2,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/core.h"
 #include "liegrad/geometry.h"
 #include "machine/internal.h"
 

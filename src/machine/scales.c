@@ -1,7 +1,6 @@
 /* Machines: finds the scales from logs. */
 #include <math.h>
 
-#include "core/core.h"
 #include "machine/internal.h"
 
 /* Root mean squares over the log, in its units. `force`: forces of a known input map. */

@@ -1,8 +1,6 @@
 /* Machines: starts of windows as unknowns of the fit. */
 #include <math.h>
 
-#include "core/core.h"
-#include "liegrad/ops.h"
 #include "machine/chain.h"
 
 uint32_t lg_machine_start_numbers(const lg_machine *machine) {

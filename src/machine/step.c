@@ -2,7 +2,6 @@
 #include <math.h>
 
 #include "autodiff/tape/tape_internal.h"
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 typedef struct interval {

@@ -18,8 +18,6 @@
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
-#include "core/core.h"
-#include "liegrad/ops.h"
 #include "machine/internal.h"
 
 enum { EVENTS = 3, SWEEPS = 10 };

@@ -3,8 +3,6 @@
 #include <string.h>
 
 #include "autodiff/tape/tape_internal.h"
-#include "core/core.h"
-#include "liegrad/ops.h"
 #include "machine/chain.h"
 
 /* ---- logged data ---- */

@@ -14,7 +14,6 @@
  * transform as pairs (l, m) under SE(3): (dexp_u^-1)^T is dexp_{-u}^-1 of the pair (liegrad/geometry.h). */
 #include <string.h>
 
-#include "autodiff/ops/lie.h"
 #include "autodiff/tape/tape_internal.h"
 #include "machine/internal.h"
 

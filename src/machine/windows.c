@@ -1,7 +1,6 @@
 /* Machines: cuts logs into windows, and weighs their rows in the loss. */
 #include <math.h>
 
-#include "core/core.h"
 #include "machine/internal.h"
 
 /* The start of the next window: the first complete row from `first` on. It should not lie behind `most`,

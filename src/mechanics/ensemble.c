@@ -8,10 +8,8 @@
 
 #include "core/portions.h"
 #include "integrators/groups.h"
-#include "integrators/lanes.h"
 #include "integrators/stepper.h"
 #include "mechanics/ensemble_member.h"
-#include "mechanics/system.h"
 
 /* Memory of one thread. */
 typedef struct worker {

@@ -1,8 +1,6 @@
 /* Reads grids of runs: the keys of a study, which stand beside the keys of a scene. */
 #include <string.h>
 
-#include "liegrad/hamiltonian.h"
-
 #include "files/h5.h"
 #include "hamiltonian/files/recipe.h"
 #include "settings/training.h"

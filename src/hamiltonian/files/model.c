@@ -5,7 +5,6 @@
 #include "hamiltonian/files/constrained.h"
 #include "hamiltonian/files/family.h"
 #include "hamiltonian/internal.h"
-#include "files/h5.h"
 #include "model/files/recipe.h"
 
 /* ---- the run ---- */

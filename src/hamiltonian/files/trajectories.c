@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "files/frame.h"
-#include "files/h5.h"
 #include "hamiltonian/files/constrained.h"
 #include "hamiltonian/files/family.h"
 #include "hamiltonian/internal.h"

@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "files/memory.h"
-#include "liegrad/program.h"
 #include "machine/files/recipe.h"
 #include "model/files/training.h"
 

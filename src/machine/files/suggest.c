@@ -5,7 +5,6 @@
 
 #include "files/h5.h"
 #include "machine/files/choice.h"
-#include "machine/internal.h"
 
 /* ---- the table of candidates ---- */
 
