@@ -34,7 +34,8 @@ static size_t place(lg_chain *c, double *memory) {
 lg_status lg_chain_open(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
                         const uint32_t *samples, size_t first, size_t count, bool derived, lg_chain *c) {
     const lg_machine *machine = problem->machine;
-    *c = (lg_chain){.problem = problem,
+    *c = (lg_chain){.tape = tape,
+                    .problem = problem,
                     .theta = theta,
                     .count = count,
                     .shared = lg_machine_shared(problem),
@@ -49,8 +50,8 @@ lg_status lg_chain_open(lg_tape *tape, const lg_machine_problem *problem, const 
     return LG_OK;
 }
 
-void lg_chain_close(lg_tape *tape, lg_chain *c) {
-    if (c->memory != NULL) lg_pool_give(tape, c->memory, c->bytes);
+void lg_chain_close(lg_chain *c) {
+    if (c->memory != NULL) lg_pool_give(c->tape, c->memory, c->bytes);
     c->memory = NULL;
 }
 
@@ -63,9 +64,9 @@ static bool derives(const lg_chain *c) {
 
 /* Sum over windows of z's component along an axis, which is z . c/|c|^2 with c the change along the axis at
  * c->next, the value of z. */
-static lg_var sum_along(lg_tape *tape, const lg_chain *c, lg_var z, const lg_row_axis *a) {
+static lg_var sum_along(const lg_chain *c, lg_var z, const lg_row_axis *a) {
     void *memory;
-    const lg_var seed = lg_input_buffer(tape, lg_var_shape(tape, z), &memory);
+    const lg_var seed = lg_input_buffer(c->tape, lg_var_shape(c->tape, z), &memory);
     if (lg_is_none(seed)) return seed;
     double along[9];
     memset(memory, 0, c->count * c->axes.numbers * sizeof(double));
@@ -75,7 +76,7 @@ static lg_var sum_along(lg_tape *tape, const lg_chain *c, lg_var z, const lg_row
         for (uint32_t i = 0; i < lg_row_axis_width(a); i++)
             ((double *)memory)[at + a->first + i] = along[i] / lg_row_axis_square(a);
     }
-    return lg_sum(tape, lg_mul(tape, z, seed));
+    return lg_sum(c->tape, lg_mul(c->tape, z, seed));
 }
 
 /* The states of the current points on the tape. */
@@ -88,14 +89,13 @@ typedef struct recorded {
 /* Row i of the derivatives of `rows` numbers of each window, from the sum of this number over windows: by z
  * along the axes into A (count, rows, d), by theta into the first columns of B (count, rows, columns), whose
  * other columns become 0. */
-static lg_status sweep(lg_tape *tape, lg_chain *c, const recorded *x, lg_var sum, size_t rows, size_t i,
-                       double *B) {
+static lg_status sweep(lg_chain *c, const recorded *x, lg_var sum, size_t rows, size_t i, double *B) {
     const size_t d = c->axes.count;
     void *const dz = c->dz;
     if (c->shared == 0)
-        LG_TRY(lg_backward_set(tape, sum, &x->z, 1, &dz));
+        LG_TRY(lg_backward_set(c->tape, sum, &x->z, 1, &dz));
     else
-        LG_TRY(lg_backward_rows(tape, sum, x->z, c->dz, x->theta, c->count, c->apart));
+        LG_TRY(lg_backward_rows(c->tape, sum, x->z, c->dz, x->theta, c->count, c->apart));
     for (size_t s = 0; s < c->count; s++) {
         const size_t row = s * rows + i, at = s * c->axes.numbers;
         for (size_t j = 0; j < d; j++)
@@ -107,25 +107,26 @@ static lg_status sweep(lg_tape *tape, lg_chain *c, const recorded *x, lg_var sum
 }
 
 /* B (count, rows, columns) += A S, with the A of `rows` numbers. */
-static void follow(const lg_kernels *k, const lg_chain *c, size_t rows, double *B) {
+static void follow(const lg_chain *c, size_t rows, double *B) {
     const size_t d = c->axes.count;
     if (!derives(c) || (c->point == 0 && c->own == 0)) return; /* the start is known */
     for (size_t s = 0; s < c->count; s++)
-        k->gemm(rows, c->columns, d, c->A + s * rows * d, d, 1, c->S + s * d * c->columns, c->columns,
-                B + s * rows * c->columns, c->columns, true);
+        c->tape->k->gemm(rows, c->columns, d, c->A + s * rows * d, d, 1, c->S + s * d * c->columns,
+                         c->columns, B + s * rows * c->columns, c->columns, true);
 }
 
 /* Binds the machine's parameters: known ones, or the first parameters of the fit. */
-static lg_status bind(lg_tape *tape, const lg_chain *c, recorded *x) {
-    x->theta = lg_machine_problem_parameter(tape, c->problem, c->theta);
-    return lg_machine_begin_flow(tape, c->problem, x->theta, &x->vars, &x->flow);
+static lg_status bind(const lg_chain *c, recorded *x) {
+    x->theta = lg_machine_problem_parameter(c->tape, c->problem, c->theta);
+    return lg_machine_begin_flow(c->tape, c->problem, x->theta, &x->vars, &x->flow);
 }
 
-static lg_status record_points(lg_tape *tape, const lg_chain *c, recorded *x) {
+static lg_status record_points(const lg_chain *c, recorded *x) {
+    lg_tape *tape = c->tape;
     const lg_machine *machine = c->problem->machine;
     const uint32_t n = c->axes.numbers, rows = (uint32_t)c->count;
     lg_tape_reset(tape);
-    LG_TRY(bind(tape, c, x));
+    LG_TRY(bind(c, x));
     x->z = lg_input_f64(tape, lg_shape2(rows, n), c->z);
     lg_tape_mark_rows(tape, x->z);
     LG_TRY(lg_machine_split_row(tape, &x->vars, x->z, x->parts));
@@ -138,16 +139,17 @@ static lg_status record_points(lg_tape *tape, const lg_chain *c, recorded *x) {
 }
 
 /* Fills `next` and A of the intervals from the current points; `moved` becomes (dF/dtheta, 0). */
-static lg_status interval(lg_tape *tape, lg_chain *c) {
+static lg_status interval(lg_chain *c) {
+    lg_tape *tape = c->tape;
     recorded x;
-    if (lg_chain_plan_interval(tape, c)) return LG_OK;
-    LG_TRY(record_points(tape, c, &x));
+    if (lg_chain_plan_interval(c)) return LG_OK;
+    LG_TRY(record_points(c, &x));
     LG_TRY(lg_machine_record_interval(tape, &x.flow, &c->problem->log, c->at, (uint32_t)c->count, x.parts));
     const lg_var to = lg_machine_join_row(tape, &x.vars, x.parts);
     LG_TRY(lg_read(tape, to, c->count * c->axes.numbers, c->next));
     for (uint32_t i = 0; derives(c) && i < c->axes.count; i++) {
         const lg_mark mark = lg_tape_mark(tape);
-        LG_TRY(sweep(tape, c, &x, sum_along(tape, c, to, &c->axes.each[i]), c->axes.count, i, c->moved));
+        LG_TRY(sweep(c, &x, sum_along(c, to, &c->axes.each[i]), c->axes.count, i, c->moved));
         LG_TRY(lg_tape_rewind(tape, mark));
     }
     return LG_OK;
@@ -157,7 +159,8 @@ static lg_status interval(lg_tape *tape, lg_chain *c) {
 
 /* Moves the starts by their parameters; S becomes the derivative with respect to these, in the last `own`
  * columns. */
-static lg_status move_starts(lg_tape *tape, lg_chain *c) {
+static lg_status move_starts(lg_chain *c) {
+    lg_tape *tape = c->tape;
     const lg_machine *machine = c->problem->machine;
     const size_t d = c->axes.count, own = c->own;
     recorded x;
@@ -167,7 +170,7 @@ static lg_status move_starts(lg_tape *tape, lg_chain *c) {
     if (lg_is_none(numbers)) return lg_tape_status(tape);
     for (size_t s = 0; s < c->count; s++)
         memcpy((double *)memory + s * own, c->theta + c->shared + c->samples[s] * own, own * sizeof(double));
-    LG_TRY(bind(tape, c, &x));
+    LG_TRY(bind(c, &x));
     x.z = lg_input_f64(tape, lg_shape2((uint32_t)c->count, c->axes.numbers), c->z);
     LG_TRY(lg_machine_move_starts(
         tape, c->problem, &x.vars, numbers, lg_machine_columns(tape, x.z, 0, machine->positions),
@@ -176,7 +179,7 @@ static lg_status move_starts(lg_tape *tape, lg_chain *c) {
     LG_TRY(lg_read(tape, z, c->count * c->axes.numbers, c->next));
     memset(c->S, 0, c->count * d * c->columns * sizeof *c->S);
     for (uint32_t i = 0; derives(c) && i < d; i++) {
-        const lg_var sum = sum_along(tape, c, z, &c->axes.each[i]);
+        const lg_var sum = sum_along(c, z, &c->axes.each[i]);
         void *const into = c->moved; /* (count, own) */
         LG_TRY(lg_backward_set(tape, sum, &numbers, 1, &into));
         for (size_t s = 0; s < c->count; s++)
@@ -186,7 +189,7 @@ static lg_status move_starts(lg_tape *tape, lg_chain *c) {
     return LG_OK;
 }
 
-lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c) {
+lg_status lg_chain_first_points(lg_chain *c) {
     const lg_machine *machine = c->problem->machine;
     memset(c->z, 0, c->count * c->axes.numbers * sizeof *c->z);
     for (size_t s = 0; s < c->count; s++) {
@@ -194,25 +197,26 @@ lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c) {
         c->at[s] = c->problem->start[c->samples[s]];
         lg_machine_scaled_rows(machine, &c->problem->log, &c->at[s], 1, z, z + machine->positions);
     }
-    return c->own > 0 ? move_starts(tape, c) : LG_OK;
+    return c->own > 0 ? move_starts(c) : LG_OK;
 }
 
 /* ---- accelerations ---- */
 
-lg_status lg_chain_show(lg_tape *tape, lg_chain *c) {
+lg_status lg_chain_show(lg_chain *c) {
+    lg_tape *tape = c->tape;
     const lg_machine *machine = c->problem->machine;
     recorded x;
     if (!machine->accelerations) return LG_OK;
-    LG_TRY(record_points(tape, c, &x));
+    LG_TRY(record_points(c, &x));
     const lg_var a =
         lg_machine_record_shown(tape, &x.vars, &c->problem->log, c->at, (uint32_t)c->count, x.parts);
     LG_TRY(lg_read(tape, a, c->count * machine->velocities, c->a));
     for (uint32_t k = 0; derives(c) && k < machine->velocities; k++) {
         const lg_mark mark = lg_tape_mark(tape);
-        LG_TRY(sweep(tape, c, &x, lg_sum(tape, lg_slice(tape, a, 1, k, 1)), machine->velocities, k, c->of_a));
+        LG_TRY(sweep(c, &x, lg_sum(tape, lg_slice(tape, a, 1, k, 1)), machine->velocities, k, c->of_a));
         LG_TRY(lg_tape_rewind(tape, mark));
     }
-    follow(tape->k, c, machine->velocities, c->of_a);
+    follow(c, machine->velocities, c->of_a);
     return LG_OK;
 }
 
@@ -264,7 +268,8 @@ void lg_chain_add(lg_chain *c, size_t s, double r) {
 
 /* Adds the residuals of the current points of all windows to the loss, and writes the rows of r and of the
  * Jacobian: the residual along each axis, and S times the weight. */
-static void put_rows(const lg_kernels *k, lg_chain *c) {
+static void put_rows(lg_chain *c) {
+    const lg_kernels *k = c->tape->k;
     const lg_machine *machine = c->problem->machine;
     const size_t seen = c->axes.seen, numbers = machine->positions + machine->velocities;
     double z[LG_CHAIN_NUMBERS], data[LG_CHAIN_NUMBERS], weight[LG_CHAIN_NUMBERS], r[LG_CHAIN_NUMBERS];
@@ -299,10 +304,10 @@ uint32_t lg_chain_first(const lg_machine_problem *problem) {
     return lg_machine_starts_estimated(problem) ? 0 : 1;
 }
 
-lg_status lg_chain_advance(lg_tape *tape, lg_chain *c) {
+lg_status lg_chain_advance(lg_chain *c) {
     double *spare = c->S;
-    LG_TRY(interval(tape, c));
-    follow(tape->k, c, c->axes.count, c->moved);
+    LG_TRY(interval(c));
+    follow(c, c->axes.count, c->moved);
     c->S = c->moved;
     c->moved = spare;
     memcpy(c->z, c->next, c->count * c->axes.numbers * sizeof *c->z);
@@ -312,17 +317,17 @@ lg_status lg_chain_advance(lg_tape *tape, lg_chain *c) {
 }
 
 /* Goes to the first points, or with `on` to the next ones, and puts their rows where they have residuals. */
-static lg_status pass_point(lg_tape *tape, lg_chain *c, bool on) {
+static lg_status pass_point(lg_chain *c, bool on) {
     for (lg_chain *each = c; each != NULL; each = each->against) {
-        LG_TRY((on ? lg_chain_advance : lg_chain_first_points)(tape, each));
-        if (each->point >= lg_chain_first(each->problem)) LG_TRY(lg_chain_show(tape, each));
+        LG_TRY((on ? lg_chain_advance : lg_chain_first_points)(each));
+        if (each->point >= lg_chain_first(each->problem)) LG_TRY(lg_chain_show(each));
     }
-    if (c->point >= lg_chain_first(c->problem)) put_rows(tape->k, c);
+    if (c->point >= lg_chain_first(c->problem)) put_rows(c);
     return LG_OK;
 }
 
-lg_status lg_chain_pass_windows(lg_tape *tape, lg_chain *c) {
-    LG_TRY(pass_point(tape, c, false));
-    while (c->point + 1 < c->problem->window) LG_TRY(pass_point(tape, c, true));
+lg_status lg_chain_pass_windows(lg_chain *c) {
+    LG_TRY(pass_point(c, false));
+    while (c->point + 1 < c->problem->window) LG_TRY(pass_point(c, true));
     return LG_OK;
 }

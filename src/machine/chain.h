@@ -50,6 +50,7 @@ double lg_row_axis_component(const lg_row_axis *a, const double *z, const double
 /* ---- chains: windows that are passed from row to row (chain.c) ---- */
 
 typedef struct lg_chain {
+    lg_tape *tape;
     const lg_machine_problem *problem;
     const double *theta;
     uint32_t samples[LG_FIT_CHUNK]; /* (count): which windows of the problem */
@@ -82,25 +83,25 @@ typedef struct lg_chain {
  * on. `derived`: with derivatives. The memory is the tape's; lg_chain_close gives it back. */
 lg_status lg_chain_open(lg_tape *tape, const lg_machine_problem *problem, const double *theta,
                         const uint32_t *samples, size_t first, size_t count, bool derived, lg_chain *c);
-void lg_chain_close(lg_tape *tape, lg_chain *c);
+void lg_chain_close(lg_chain *c);
 /* The first point of a window that has residuals: 0 if starts are estimated, else 1. */
 uint32_t lg_chain_first(const lg_machine_problem *problem);
 /* Sets z and S at the first points of all windows. */
-lg_status lg_chain_first_points(lg_tape *tape, lg_chain *c);
+lg_status lg_chain_first_points(lg_chain *c);
 /* Moves z and S to the next points. */
-lg_status lg_chain_advance(lg_tape *tape, lg_chain *c);
+lg_status lg_chain_advance(lg_chain *c);
 /* If accelerations are measured, computes those of the current points (a), and their derivatives (of_a). */
-lg_status lg_chain_show(lg_tape *tape, lg_chain *c);
+lg_status lg_chain_show(lg_chain *c);
 /* Row s of z with what the log shows in place of the velocities. */
 void lg_chain_shown(const lg_chain *c, size_t s, double *out);
 /* Row s of z in the units of the log. */
 void lg_chain_read(const lg_chain *c, size_t s, double *positions, double *velocities);
 /* Fills `next` and A of the intervals from the current points by a plan; `moved` becomes (dF/dtheta, 0)
  * (interval_plan.c). False: there is no plan. */
-bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c);
+bool lg_chain_plan_interval(lg_chain *c);
 /* Adds r^2 of window s to the loss. */
 void lg_chain_add(lg_chain *c, size_t s, double r);
 /* All points of all windows. */
-lg_status lg_chain_pass_windows(lg_tape *tape, lg_chain *c);
+lg_status lg_chain_pass_windows(lg_chain *c);
 
 #endif

@@ -57,10 +57,10 @@ static void put_start(const walk *x, size_t w, const double *z) {
 
 /* Moves the windows of the chain from their starts over a window, in either direction. */
 static lg_status pass(const walk *x, lg_chain *c, bool backwards) {
-    LG_TRY(lg_chain_first_points(x->tape, c));
+    LG_TRY(lg_chain_first_points(c));
     if (backwards) c->problem = &x->back;
     for (size_t i = 0; i < c->count && backwards; i++) c->at[i] = x->problem->log.rows - 1 - c->at[i];
-    for (uint32_t j = 0; j + 1 < x->problem->window; j++) LG_TRY(lg_chain_advance(x->tape, c));
+    for (uint32_t j = 0; j + 1 < x->problem->window; j++) LG_TRY(lg_chain_advance(c));
     return LG_OK;
 }
 
@@ -69,7 +69,6 @@ static lg_status pass(const walk *x, lg_chain *c, bool backwards) {
 static lg_status follow(walk *x, size_t first, bool backwards) {
     const lg_machine_problem *problem = x->problem;
     uint32_t from[LG_FIT_CHUNK], of[LG_FIT_CHUNK], count = 0;
-    lg_chain c;
     for (size_t w = first; w < first + LG_FIT_CHUNK && w + 1 < problem->windows; w++) {
         const size_t last = problem->start[w] + problem->window - 1; /* row of window w */
         if (problem->start[w + 1] != last) continue;
@@ -77,11 +76,11 @@ static lg_status follow(walk *x, size_t first, bool backwards) {
         of[count++] = (uint32_t)w + !backwards;
     }
     if (count == 0) return LG_OK;
+    LG_CLEAN(lg_chain_close) lg_chain c;
     LG_TRY(lg_chain_open(x->tape, problem, x->theta, from, 0, count, false, &c));
-    const lg_status status = pass(x, &c, backwards);
-    for (uint32_t i = 0; i < count && status == LG_OK; i++) put_start(x, of[i], c.z + i * c.axes.numbers);
-    lg_chain_close(x->tape, &c);
-    return status;
+    LG_TRY(pass(x, &c, backwards));
+    for (uint32_t i = 0; i < count; i++) put_start(x, of[i], c.z + i * c.axes.numbers);
+    return LG_OK;
 }
 
 /* ---- losses ---- */
@@ -164,17 +163,15 @@ lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine
 static lg_status write_states(walk *x, size_t first, double *q, double *v) {
     const lg_machine *machine = x->problem->machine;
     const size_t left = x->problem->windows - first, count = left < LG_FIT_CHUNK ? left : LG_FIT_CHUNK;
-    lg_chain c;
+    LG_CLEAN(lg_chain_close) lg_chain c;
     LG_TRY(lg_chain_open(x->tape, x->problem, x->theta, NULL, first, count, false, &c));
-    lg_status status = lg_chain_first_points(x->tape, &c);
-    while (status == LG_OK) {
+    LG_TRY(lg_chain_first_points(&c));
+    for (;;) {
         for (size_t i = 0; i < count; i++)
             lg_chain_read(&c, i, q + c.at[i] * machine->positions, v + c.at[i] * machine->velocities);
-        if (c.point + 1 == x->problem->window) break;
-        status = lg_chain_advance(x->tape, &c);
+        if (c.point + 1 == x->problem->window) return LG_OK;
+        LG_TRY(lg_chain_advance(&c));
     }
-    lg_chain_close(x->tape, &c);
-    return status;
 }
 
 /* Fits the starts of all windows, and continues them while that changes one. x->trial is overwritten. */

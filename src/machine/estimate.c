@@ -62,13 +62,12 @@ lg_status lg_machine_fit_starts(const lg_context *context, const lg_machine_prob
  * velocities). */
 static lg_status read_starts(const estimate *e, const lg_machine_problem *problem, double *q, double *v) {
     const lg_machine *machine = problem->machine;
-    lg_chain c;
+    LG_CLEAN(lg_chain_close) lg_chain c;
     LG_TRY(lg_chain_open(e->tape, problem, e->numbers, NULL, 0, problem->windows, false, &c));
-    const lg_status status = lg_chain_first_points(e->tape, &c);
-    for (size_t i = 0; i < c.count && status == LG_OK; i++)
+    LG_TRY(lg_chain_first_points(&c));
+    for (size_t i = 0; i < c.count; i++)
         lg_chain_read(&c, i, q + i * machine->positions, v + i * machine->velocities);
-    lg_chain_close(e->tape, &c);
-    return status;
+    return LG_OK;
 }
 
 static lg_status estimate_group(const estimate *e, const lg_machine_problem *problem, double *q, double *v,

@@ -116,7 +116,8 @@ static uint32_t powers_of(const lg_machine_log *log, uint32_t m) {
 }
 
 /* The plan for the chain's machine, made if the tape does not have it; NULL: there is none. */
-static const interval_plan *plan_of(lg_tape *tape, lg_chain *c) {
+static const interval_plan *plan_of(lg_chain *c) {
+    lg_tape *tape = c->tape;
     const lg_machine_problem *problem = c->problem;
     const lg_machine *machine = problem->machine;
     const uint32_t n = c->axes.numbers, columns = n + (uint32_t)c->shared,
@@ -173,8 +174,8 @@ static void take(const interval_plan *p, lg_chain *c, size_t from, size_t s) {
     }
 }
 
-bool lg_chain_plan_interval(lg_tape *tape, lg_chain *c) {
-    const interval_plan *p = plan_of(tape, c);
+bool lg_chain_plan_interval(lg_chain *c) {
+    const interval_plan *p = plan_of(c);
     if (p == NULL) return false;
     const double *theta = c->shared > 0 ? c->theta : c->problem->theta;
     const bool driven = p->machine.input_count > 0;

@@ -75,23 +75,22 @@ typedef struct chunk {
 static lg_status add(lg_tape *tape, const chunk *of, double *sum) {
     const double factor = of->steps ? 1.0 / (1.0 - ldexp(1.0, -of->problem->scheme->order)) : 1.0;
     lg_machine_problem finer = *of->problem;
-    lg_chain c, twice = {.memory = NULL};
+    LG_CLEAN(lg_chain_close) lg_chain c;
+    LG_CLEAN(lg_chain_close) lg_chain twice = {.memory = NULL};
     finer.substeps *= 2;
-    lg_status status = lg_chain_open(tape, of->problem, of->theta, of->samples, of->first, of->count,
-                                     of->jacobian != NULL, &c);
-    if (status == LG_OK && of->steps)
-        status = lg_chain_open(tape, &finer, of->theta, of->samples, of->first, of->count, false, &twice);
+    LG_TRY(lg_chain_open(tape, of->problem, of->theta, of->samples, of->first, of->count,
+                         of->jacobian != NULL, &c));
+    if (of->steps)
+        LG_TRY(lg_chain_open(tape, &finer, of->theta, of->samples, of->first, of->count, false, &twice));
     c.against = of->steps ? &twice : NULL;
     c.factor = 1.0 / sqrt((double)of->batch * (double)(finer.window - lg_chain_first(&finer)));
     c.rows = lg_machine_linearised_rows(&finer);
     c.losses = of->losses, c.r = of->r, c.jacobian = of->jacobian;
-    if (status == LG_OK) status = lg_chain_pass_windows(tape, &c);
-    if (status == LG_OK && (!of->steps || c.r != NULL)) put_priors(&c, of->batch);
+    LG_TRY(lg_chain_pass_windows(&c));
+    if (!of->steps || c.r != NULL) put_priors(&c, of->batch);
     for (size_t i = 0; of->steps && c.r != NULL && i < c.count * c.rows; i++) c.r[i] *= factor;
     *sum += factor * factor * c.loss;
-    lg_chain_close(tape, &twice);
-    lg_chain_close(tape, &c);
-    return status;
+    return LG_OK;
 }
 
 lg_status lg_machine_linearise(void *user, lg_tape *tape, const double *theta, const uint32_t *samples,

@@ -45,15 +45,15 @@ static void end_runs(lg_chain *c, points *p) {
     c->count = kept;
 }
 
-static lg_status run_group(lg_tape *tape, const runs *r, lg_chain *c, points *p) {
-    LG_TRY(lg_chain_first_points(tape, c));
+static lg_status run_group(const runs *r, lg_chain *c, points *p) {
+    LG_TRY(lg_chain_first_points(c));
     for (size_t step = 0;; step++) {
-        if (lg_cancelled(tape->context)) return LG_CANCELLED;
-        LG_TRY(lg_chain_show(tape, c));
+        if (lg_cancelled(c->tape->context)) return LG_CANCELLED;
+        LG_TRY(lg_chain_show(c));
         for (size_t i = 0; i < c->count; i++) keep(r, c, i, p->out[i]);
         end_runs(c, p);
         if (step == r->steps || c->count == 0) return LG_OK;
-        LG_TRY(lg_chain_advance(tape, c));
+        LG_TRY(lg_chain_advance(c));
     }
 }
 
@@ -61,7 +61,6 @@ static lg_status run_all(lg_tape *tape, const runs *r) {
     const lg_machine_problem *problem = &r->problem;
     const lg_machine_log *log = &problem->log;
     points p;
-    lg_chain c;
     for (size_t first = 0; first < problem->windows; first += LG_FIT_CHUNK) {
         const size_t left = problem->windows - first, count = left < LG_FIT_CHUNK ? left : LG_FIT_CHUNK;
         for (size_t i = 0; i < count; i++) {
@@ -69,10 +68,9 @@ static lg_status run_all(lg_tape *tape, const runs *r) {
             p.end[i] = log->first[lg_machine_log_part(log, row) + 1];
             p.out[i] = r->steps == LG_MACHINE_TO_END ? row : run * (r->steps + 1);
         }
+        LG_CLEAN(lg_chain_close) lg_chain c;
         LG_TRY(lg_chain_open(tape, problem, NULL, NULL, first, count, false, &c));
-        const lg_status status = run_group(tape, r, &c, &p);
-        lg_chain_close(tape, &c);
-        LG_TRY(status);
+        LG_TRY(run_group(r, &c, &p));
     }
     return LG_OK;
 }
