@@ -222,11 +222,11 @@ static lg_status count_links(reading *r, size_t at, size_t inner, const char **b
     else
         LG_TRY(lg_yaml_entries(r->yaml, &r->table->keys[at], value, inner, &count, r->error));
     if (count > MAX_LINKS)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error,
-                            "%s: gives more than %d links, the largest possible number", name, MAX_LINKS);
+        return LG_SCENE_FAULT(r, value->line, "%s: gives more than %d links, the largest possible number",
+                              name, MAX_LINKS);
     if (r->links != 0 && count != r->links)
-        return lg_yaml_fail(r->yaml, value->line, LG_FORMAT, r->error,
-                            "%s: gives %zu links, but %s gives %zu", name, count, *by, r->links);
+        return LG_SCENE_FAULT(r, value->line, "%s: gives %zu links, but %s gives %zu", name, count, *by,
+                              r->links);
     r->links = count;
     *by = name;
     return LG_OK;
@@ -251,8 +251,7 @@ static lg_status find_links(reading *r) {
             LG_TRY(count_links(r, table->other_at, row->rows * row->columns, &by));
     }
     if (r->links != 0) return LG_OK;
-    return lg_yaml_fail(r->yaml, table->values->line, LG_FORMAT, r->error, "key 'links' or '%s' is missing",
-                        needed);
+    return LG_SCENE_FAULT(r, table->values->line, "key 'links' or '%s' is missing", needed);
 }
 
 /* ---- parameters ---- */
@@ -261,8 +260,8 @@ static lg_status check_unit(const reading *r, size_t at, const double *values, s
     double sum = 0;
     for (size_t i = 0; i < count; i++) sum += values[i] * values[i];
     if (fabs(sqrt(sum) - 1) <= UNIT_VECTOR) return LG_OK;
-    return lg_yaml_fail(r->yaml, r->table->values[at].line, LG_FORMAT, r->error,
-                        "%s: is not a unit vector: its length is %.12g", r->table->keys[at].name, sqrt(sum));
+    return LG_SCENE_FAULT(r, r->table->values[at].line, "%s: is not a unit vector: its length is %.12g",
+                          r->table->keys[at].name, sqrt(sum));
 }
 
 static lg_status read_parameter(const reading *r, size_t index, double *out) {
@@ -316,10 +315,8 @@ static lg_status read_starts(reading *r) {
     if (!out->has_starts) return LG_OK;
     const uint32_t high = line_at(v, "starts.high"), bounds = high != 0 ? high : line_at(v, "starts.low");
     if (bounds != 0 && out->starts != LG_STARTS_BOX)
-        return lg_yaml_fail(r->yaml, bounds, LG_FORMAT, r->error,
-                            "starts: low and high can be given with kind: box only");
-    if (!(out->low < out->high))
-        return lg_yaml_fail(r->yaml, bounds, LG_FORMAT, r->error, "starts: low must be below high");
+        return LG_SCENE_FAULT(r, bounds, "starts: low and high can be given with kind: box only");
+    if (!(out->low < out->high)) return LG_SCENE_FAULT(r, bounds, "starts: low must be below high");
     return LG_OK;
 }
 

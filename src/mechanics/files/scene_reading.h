@@ -30,6 +30,9 @@ typedef struct reading {
     lg_error *error;
 } reading;
 
+/* Fails with LG_FORMAT and a sentence that begins with the file and this line. */
+#define LG_SCENE_FAULT(r, line, ...) lg_yaml_fail((r)->yaml, line, LG_FORMAT, (r)->error, __VA_ARGS__)
+
 static inline size_t per_link(size_t count, size_t links) {
     return count != 0 ? count : links;
 }

@@ -59,10 +59,10 @@ static lg_status check_alternatives(const reading *r, start *s) {
     s->other = other->line != 0;
     if ((own->line != 0) != s->other) return LG_OK;
     if (s->other)
-        return lg_yaml_fail(r->yaml, r->out->line_initial, LG_FORMAT, r->error,
-                            "initial: give either %s or %s, not both", table->own_key, table->other_key);
-    return lg_yaml_fail(r->yaml, r->out->line_initial, LG_FORMAT, r->error,
-                        "key 'initial.%s' (or 'initial.%s') is missing", table->own_key, table->other_key);
+        return LG_SCENE_FAULT(r, r->out->line_initial, "initial: give either %s or %s, not both",
+                              table->own_key, table->other_key);
+    return LG_SCENE_FAULT(r, r->out->line_initial, "key 'initial.%s' (or 'initial.%s') is missing",
+                          table->own_key, table->other_key);
 }
 
 /* ---- the start: onto the manifold ---- */
@@ -98,9 +98,9 @@ static lg_status place_on_sphere(const reading *r, start *s, size_t at) {
     double *q = s->y + at, *w = q + 3, length = norm3(q), off_sphere = fabs(length - 1);
     if (!(off_sphere <= OFF_MANIFOLD)) {
         const char *key = find_source(r, s, at, &block);
-        return lg_yaml_fail(r->yaml, s->lines[at], LG_FORMAT, r->error,
-                            "%s: row %zu is off the sphere: its length is %.9g, expected 1 within %g", key,
-                            block, length, OFF_MANIFOLD);
+        return LG_SCENE_FAULT(r, s->lines[at],
+                              "%s: row %zu is off the sphere: its length is %.9g, expected 1 within %g", key,
+                              block, length, OFF_MANIFOLD);
     }
     const double scale = off_sphere > ROUNDING ? 1 / length : 1;
     for (int i = 0; i < 3; i++) q[i] *= scale;
@@ -108,9 +108,9 @@ static lg_status place_on_sphere(const reading *r, start *s, size_t at) {
     const double off_tangent = along != 0 ? fabs(along) / norm3(w) : 0;
     if (!(off_tangent <= OFF_MANIFOLD)) {
         const char *key = find_source(r, s, at + 3, &block);
-        return lg_yaml_fail(r->yaml, s->lines[at + 3], LG_FORMAT, r->error,
-                            "%s: row %zu is not orthogonal to q: their dot product is %.9g, expected 0", key,
-                            block, along);
+        return LG_SCENE_FAULT(r, s->lines[at + 3],
+                              "%s: row %zu is not orthogonal to q: their dot product is %.9g, expected 0",
+                              key, block, along);
     }
     if (off_tangent <= ROUNDING) along = 0;
     for (int i = 0; i < 3; i++) w[i] -= along * q[i];
@@ -132,10 +132,10 @@ static lg_status place_rotation(const reading *r, start *s, size_t at) {
     if (!(off <= OFF_MANIFOLD)) {
         size_t block;
         const char *key = find_source(r, s, at, &block);
-        return lg_yaml_fail(r->yaml, s->lines[at], LG_FORMAT, r->error,
-                            "%s: matrix %zu is not a rotation: its transpose times itself differs from the "
-                            "identity by %.3g, and its determinant is %.9g",
-                            key, block, off, det);
+        return LG_SCENE_FAULT(r, s->lines[at],
+                              "%s: matrix %zu is not a rotation: its transpose times itself differs from the "
+                              "identity by %.3g, and its determinant is %.9g",
+                              key, block, off, det);
     }
     if (off > ROUNDING) so3->project(1, rotation);
     note(r->out, off);
@@ -169,9 +169,8 @@ static lg_status convert(const reading *r, start *s) {
     const lg_status status =
         (momenta ? lg_chain_momenta : lg_chain_velocities)(system, s->y, s->y, (double *)(void *)work);
     if (status == LG_OK) return LG_OK;
-    return lg_yaml_fail(r->yaml, r->out->line_initial, LG_FORMAT, r->error,
-                        "initial: %s cannot be computed from %s: %s", r->table->own_key, r->table->other_key,
-                        lg_status_sentence(status));
+    return LG_SCENE_FAULT(r, r->out->line_initial, "initial: %s cannot be computed from %s: %s",
+                          r->table->own_key, r->table->other_key, lg_status_sentence(status));
 }
 
 lg_status lg_scene_read_start(reading *r) {
