@@ -95,34 +95,36 @@ lg_status lg_system_draw_start(const lg_system *system, const lg_trajectory_opti
 /* ---- the reference integrator ---- */
 
 typedef struct reference {
+    const lg_context *context;
     lg_system_user user;
     lg_stepper *stepper;
     lg_step_controller control;
     double *work;
 } reference;
 
-static void reference_destroy(const lg_context *context, reference *r) {
+static void reference_destroy(reference *r) {
     lg_stepper_destroy(r->stepper);
-    lg_free(context, r->work);
+    lg_free(r->context, r->work);
 }
 
-/* After a failure nothing is left to destroy. */
+/* `r` must be destroyed even after an error. */
 static lg_status reference_create(const lg_context *context, const lg_system *system, double rtol,
-                                  double atol, reference *r) {
+                                  double atol, reference *r, lg_error *error) {
     const bool lie = lg_system_constrained(system);
     lg_ode ode;
-    *r = (reference){.work = lg_alloc(context, lg_system_work_size(system), 1)};
-    if (!r->work) return LG_OUT_OF_MEMORY;
+    *r = (reference){.context = context, .work = lg_alloc(context, lg_system_work_size(system), 1)};
     lg_step_controller_init(&r->control);
     r->control.rtol = rtol;
     r->control.atol = atol;
     r->control.max_steps = 10000000;
-    lg_status status =
-        lg_system_ode(system, lie ? LG_COORDINATES_LIE : LG_COORDINATES_AMBIENT, &ode, &r->user, r->work);
+    lg_status status = r->work ? LG_OK : LG_OUT_OF_MEMORY;
+    if (status == LG_OK)
+        status =
+            lg_system_ode(system, lie ? LG_COORDINATES_LIE : LG_COORDINATES_AMBIENT, &ode, &r->user, r->work);
     if (status == LG_OK)
         status = lg_stepper_create(context, lg_scheme_find(lie ? "rkmk54" : "dp54"), &ode, &r->stepper);
-    if (status != LG_OK) lg_free(context, r->work);
-    return status;
+    if (status == LG_OK) return LG_OK;
+    return lg_fail(error, status, "%s: %s", system->row->name, lg_status_sentence(status));
 }
 
 /* ---- sampling ---- */
@@ -161,7 +163,7 @@ typedef struct sampling {
     const lg_context *context;
     const lg_system *system;
     const lg_trajectory_options *options;
-    reference reference;
+    reference *reference;
     double *t;            /* M */
     double *trajectories; /* (N, M, d) */
     double *hamiltonian;  /* N */
@@ -182,7 +184,7 @@ static lg_status go_ahead(sampling *s, lg_rng *rng, double *y) {
     const double time = s->options->ahead > 0.0 ? s->options->ahead * lg_rng_uniform(rng) : 0.0;
     double end[1] = {time};
     if (!(time > 0.0)) return LG_OK;
-    return lg_integrate_adaptive(s->reference.stepper, &s->reference.control, 0.0, y, end, 1, y, NULL);
+    return lg_integrate_adaptive(s->reference->stepper, &s->reference->control, 0.0, y, end, 1, y, NULL);
 }
 
 /* Computes all segments of start `number` of this call. Each segment begins where the one before ended,
@@ -200,9 +202,9 @@ static lg_status sample_start(sampling *s, size_t number) {
         double *y = s->trajectories + i * block;
         if (lg_cancelled(s->context)) return LG_CANCELLED;
         if (i > first) memcpy(y, y - d, d * sizeof(*y));
-        LG_TRY(lg_integrate_adaptive(s->reference.stepper, &s->reference.control, 0.0, y, s->t + 1,
+        LG_TRY(lg_integrate_adaptive(s->reference->stepper, &s->reference->control, 0.0, y, s->t + 1,
                                      o->points - 1, y + d, NULL));
-        s->hamiltonian[i] = lg_system_hamiltonian(s->system, y, s->reference.work);
+        s->hamiltonian[i] = lg_system_hamiltonian(s->system, y, s->reference->work);
     }
     for (size_t i = first; o->noise > 0.0 && i < last; i++) {
         lg_trajectory_disturb(o, d, o->first + i, s->trajectories + i * block);
@@ -238,18 +240,16 @@ lg_status lg_system_generate(const lg_context *context, const lg_system *system,
     const size_t states = n * o->points * d;
     LG_TRY_SCRATCH(double, memory, context, states + n + o->points,
                    lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu trajectories", n));
+    LG_CLEAN(reference_destroy) reference r;
+    LG_TRY(reference_create(context, system, o->rtol, o->atol, &r, error));
     sampling s = {.context = context,
                   .system = system,
                   .options = o,
+                  .reference = &r,
                   .t = memory + states + n,
                   .trajectories = memory,
                   .hamiltonian = memory + states};
-    lg_status status = reference_create(context, system, o->rtol, o->atol, &s.reference);
-    if (status != LG_OK)
-        return lg_fail(error, status, "%s: %s", system->row->name, lg_status_sentence(status));
-    status = sample_all(&s, error);
-    reference_destroy(context, &s.reference);
-    LG_TRY(status);
+    LG_TRY(sample_all(&s, error));
     memcpy(t, s.t, o->points * sizeof(*t));
     memcpy(trajectories, s.trajectories, states * sizeof(*trajectories));
     memcpy(hamiltonian, s.hamiltonian, n * sizeof(*hamiltonian));
@@ -274,20 +274,16 @@ static lg_status run_references(const lg_context *context, reference *r, size_t 
 lg_status lg_system_solve(const lg_context *context, const lg_system *system, const double *starts, size_t n,
                           const double *times, size_t count, double rtol, double atol, double *out,
                           lg_error *error) {
-    reference r;
     if (!system || !starts || !times || !out || n < 1 || count < 1 || !isfinite(rtol) || !isfinite(atol))
         return lg_fail(error, LG_INVALID_ARGUMENT, "an argument is NULL, empty or not finite");
     const size_t d = system->space.dim;
     if (n > SIZE_MAX / sizeof(double) / d / count) return lg_fail(error, LG_OUT_OF_MEMORY, "too many points");
     LG_TRY_SCRATCH(double, memory, context, n *count *d,
                    lg_fail(error, LG_OUT_OF_MEMORY, "no memory for %zu trajectories", n));
-    lg_status status =
-        reference_create(context, system, rtol > 0.0 ? rtol : 1e-12, atol != 0.0 ? atol : -1e-13, &r);
-    if (status != LG_OK)
-        return lg_fail(error, status, "%s: %s", system->row->name, lg_status_sentence(status));
-    status = run_references(context, &r, d, starts, n, times, count, memory, error);
-    reference_destroy(context, &r);
-    LG_TRY(status);
+    LG_CLEAN(reference_destroy) reference r;
+    LG_TRY(
+        reference_create(context, system, rtol > 0.0 ? rtol : 1e-12, atol != 0.0 ? atol : -1e-13, &r, error));
+    LG_TRY(run_references(context, &r, d, starts, n, times, count, memory, error));
     memcpy(out, memory, n * count * d * sizeof(*out));
     return lg_fail(error, LG_OK, "%s", "");
 }
