@@ -27,7 +27,7 @@ static bool is_whole(const lg_machine *machine, const lg_machine_term *term) {
 
 /* Blocks of a kind besides its own coefficients. */
 static uint32_t blocks_of(const lg_machine *machine, const lg_machine_term *term) {
-    if ((term->kind->options & (LG_TERM_OF | LG_TERM_INPUTS)) == 0) return term->kind->blocks;
+    if (!lg_term_has(term, LG_TERM_OF | LG_TERM_INPUTS)) return term->kind->blocks;
     return term->of_count > 0 ? lg_machine_feature_numbers(machine, term) : 1;
 }
 
@@ -149,7 +149,7 @@ lg_var lg_machine_record_rubbing(const lg_term_at *r) {
 /* ---- friction without a width ---- */
 
 bool lg_machine_term_sticks(const lg_machine *machine, const lg_machine_term *term) {
-    return machine->sticks != 0 && (term->kind->options & LG_TERM_WIDTH) != 0 && term->width == 0.0;
+    return machine->sticks != 0 && lg_term_has(term, LG_TERM_WIDTH) && term->width == 0.0;
 }
 
 /* Whether friction of the term may act on velocity k: its numbers there are not known to be 0. */
@@ -163,7 +163,7 @@ uint32_t lg_machine_find_sticking(const lg_machine *machine) {
     uint32_t found = 0;
     if (machine->places != machine->velocities || machine->rotations > 0) return 0;
     for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);) {
-        if ((term->kind->options & LG_TERM_WIDTH) == 0 || term->width > 0.0) continue;
+        if (!lg_term_has(term, LG_TERM_WIDTH) || term->width > 0.0) continue;
         for (uint32_t k = 0; k < machine->velocities; k++)
             if (may_rub(machine, term, k)) found |= 1U << k;
     }

@@ -178,6 +178,10 @@ struct lg_term_kind {
      * there are none. */
     uint32_t (*priors)(const lg_machine *machine, uint32_t term, lg_prior *out, uint32_t count);
 };
+/* Whether the term's kind has one of these options. */
+static inline bool lg_term_has(const lg_machine_term *term, uint32_t options) {
+    return (term->kind->options & options) != 0;
+}
 
 /* ---- bristles of LuGre friction (machine/friction.c), in scaled units; v and z are (B, velocities) ---- */
 

@@ -108,8 +108,8 @@ static bool feature_fits(const lg_machine *machine, const lg_machine_term *term,
     if (of.index >= (input ? machine->input_count : machine->coordinate_count)) return false;
     if (input)
         return term->part == LG_MACHINE_RESIDUAL || term->part == LG_MACHINE_ACTUATOR ||
-               (term->kind->options & LG_TERM_INPUTS) != 0;
-    if (term->part == LG_MACHINE_ACTUATOR || (term->kind->options & LG_TERM_INPUTS) != 0) return false;
+               lg_term_has(term, LG_TERM_INPUTS);
+    if (term->part == LG_MACHINE_ACTUATOR || lg_term_has(term, LG_TERM_INPUTS)) return false;
     if (term->part == LG_MACHINE_OFFSET) return of.kind == LG_FEATURE_POSITION;
     const lg_coordinate_row *row = lg_coordinate_row_of(machine->coordinates[of.index].kind);
     if (term->part == LG_MACHINE_BIAS && of.kind != LG_FEATURE_VELOCITY && of.kind != LG_FEATURE_PLACE)
@@ -123,7 +123,7 @@ static bool feature_fits(const lg_machine *machine, const lg_machine_term *term,
     case LG_FEATURE_UP:
         return row->rotations > 0;
     case LG_FEATURE_VELOCITY:
-        return (term->kind->options & LG_TERM_MOVING) != 0;
+        return lg_term_has(term, LG_TERM_MOVING);
     default:
         return true;
     }

@@ -76,7 +76,7 @@ void lg_numbers_put_mass(lg_number_list *l, const lg_machine *machine, lg_var M,
 void lg_numbers_mass(lg_number_list *l, const lg_machine *machine, const lg_machine_term *term,
                      const double *theta) {
     uint32_t at[LG_MACHINE_VELOCITIES];
-    const bool good = l->status == LG_OK, diagonal = (term->kind->options & LG_TERM_VALUES) != 0;
+    const bool good = l->status == LG_OK, diagonal = lg_term_has(term, LG_TERM_VALUES);
     for (int directions = 0; directions < 2; directions++) {
         const lg_machine_seen seen = {.rows = 1, .directions = directions};
         if (lg_machine_mass_velocities(machine, directions, at) == 0) continue;

@@ -10,8 +10,7 @@ static double least_width(const lg_machine *machine, uint32_t k) {
     const lg_machine_term none = {.width = 0.0};
     double least = lg_machine_width(machine, &none, k);
     for (const lg_machine_term *term = NULL; lg_machine_next_term(machine, LG_MACHINE_PART_COUNT, &term);)
-        if ((term->kind->options & LG_TERM_WIDTH) != 0)
-            least = fmin(least, lg_machine_width(machine, term, k));
+        if (lg_term_has(term, LG_TERM_WIDTH)) least = fmin(least, lg_machine_width(machine, term, k));
     return least;
 }
 

@@ -148,7 +148,7 @@ static bool slice(const void *run, uint32_t index, lg_slice_info *s) {
         char name[24];
         if (term->parameters == 0) continue;
         name_term(machine, i, name, sizeof name);
-        if ((lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0) {
+        if (lg_term_is_network(term)) {
             if (lg_slice_of_mlp(&term->net, name, term->offset, &index, s)) return true;
             continue;
         }

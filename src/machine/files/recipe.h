@@ -76,7 +76,7 @@ lg_status lg_machine_unexplained(const lg_context *context, const lg_machine *ma
 /* ---- machines and logs at a glance ---- */
 
 static inline bool lg_term_is_network(const lg_machine_term *term) {
-    return (lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) != 0;
+    return lg_term_has(term, LG_TERM_HIDDEN);
 }
 /* Copies the parameters of terms that both machines have (choice.c). */
 void lg_machine_carry(const lg_machine *from, const double *theta, const lg_machine *to, double *out);

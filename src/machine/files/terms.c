@@ -114,7 +114,7 @@ static lg_status add_feature(reading *r, uint32_t line, const char *text, void *
     lg_machine_term *term = user;
     lg_machine_feature feature = {LG_FEATURE_POSITION, 0};
     const char *part = lg_machine_part_name(term->part), *kind = lg_term_kind_name(term->kind);
-    const bool moving = (lg_term_kind_options(term->kind) & LG_TERM_MOVING) != 0;
+    const bool moving = lg_term_has(term, LG_TERM_MOVING);
     const bool coordinate = find_coordinate(&r->out->machine, text, &feature);
     if (!coordinate && !find_column(r->out, term->part, text, &feature))
         return unknown_feature(r, line, text);
@@ -125,7 +125,7 @@ static lg_status add_feature(reading *r, uint32_t line, const char *text, void *
     if (feature.kind == LG_FEATURE_VELOCITY && !moving)
         return LG_FAULT(r, line, "of: '%s' is a velocity; %s of kind %s depends on positions alone", text,
                         part, kind);
-    const bool inputs = (lg_term_kind_options(term->kind) & LG_TERM_INPUTS) != 0;
+    const bool inputs = lg_term_has(term, LG_TERM_INPUTS);
     if (feature.kind == LG_FEATURE_INPUT && !inputs && !(moving && term->part == LG_MACHINE_RESIDUAL))
         return LG_FAULT(r, line, "of: '%s' is an input; only a residual and a load depend on inputs", text);
     if (feature.kind != LG_FEATURE_INPUT && inputs)
@@ -223,7 +223,7 @@ static double width_of(const lg_key_value *values) {
 }
 
 void lg_machine_set_widths(const lg_key_value *hidden, lg_machine_term *term) {
-    if ((lg_term_kind_options(term->kind) & LG_TERM_HIDDEN) == 0) return;
+    if (!lg_term_has(term, LG_TERM_HIDDEN)) return;
     term->hidden_layers = hidden->count;
     for (uint32_t i = 0; i < hidden->count; i++) term->hidden[i] = (uint32_t)hidden->real[i];
 }
@@ -232,7 +232,7 @@ static lg_status fill_term(reading *r, lg_machine_term *term, const lg_key_value
     if (values[KEY_OF].line != 0) LG_TRY(lg_machine_texts(r, values[KEY_OF].node, "of", add_feature, term));
     if (values[KEY_HIDDEN].line != 0) lg_machine_set_widths(&values[KEY_HIDDEN], term);
     LG_TRY(lg_yaml_store(r->yaml, keys, values, KEY_COUNT, term, r->error));
-    if ((lg_term_kind_options(term->kind) & LG_TERM_WIDTH) != 0) term->width = width_of(values);
+    if (lg_term_has(term, LG_TERM_WIDTH)) term->width = width_of(values);
     return read_values(r, &values[KEY_VALUES], term);
 }
 
