@@ -113,7 +113,7 @@ static bool has_frame(const counts *c) {
 
 static lg_var motion_matrix(lg_tape *tape, const lg_hamiltonian_vars *vars, const counts *c, lg_var z) {
     const lg_var A = lg_add(tape, lg_matmul(tape, z, vars->kinetic[TURN]), vars->kinetic[REST]);
-    return lg_reshape(tape, A, lg_shape3(lg_var_shape(tape, z).dims[0], c->ambient, c->rates));
+    return lg_reshape(tape, A, lg_shape3(lg_rows_of(tape, z), c->ambient, c->rates));
 }
 
 static lg_var mass_matrix(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var A) {
@@ -146,7 +146,7 @@ typedef struct motion {
 
 static motion motion_of(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var z, lg_var p) {
     const counts c = counts_of(vars->model->family, vars->model->n);
-    const uint32_t rows = lg_var_shape(tape, z).dims[0], k = c.directions;
+    const uint32_t rows = lg_rows_of(tape, z), k = c.directions;
     motion s = {.A = motion_matrix(tape, vars, &c, z), .lambda = LG_NONE};
     const lg_var M = mass_matrix(tape, vars, s.A), column = lg_reshape(tape, p, lg_shape3(rows, c.rates, 1));
     if (k == 0) {
@@ -169,7 +169,7 @@ typedef struct framed {
 static framed framed_of(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var *y) {
     const counts c = counts_of(vars->model->family, vars->model->n);
     const lg_var inverse = vars->kinetic[INVERSE];
-    const uint32_t rows = lg_var_shape(tape, y[0]).dims[0];
+    const uint32_t rows = lg_rows_of(tape, y[0]);
     const lg_shape line = lg_shape3(rows, 1, 3);
     framed s = {.R = lg_reshape(tape, y[0], lg_shape3(rows, 3, 3)), .lambda = LG_NONE};
     s.x = lg_reshape(tape, y[1], line);

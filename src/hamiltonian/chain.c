@@ -75,7 +75,7 @@ static void ambient(lg_tape *tape, const lg_hamiltonian_vars *vars, const lg_var
                     lg_var *rate) {
     const uint32_t n = vars->model->n;
     lg_var lambda, v = link_velocity(tape, vars, y[0], y[1], &lambda);
-    *rate = lg_reshape(tape, v, lg_shape2(lg_var_shape(tape, v).dims[0], 3 * n));
+    *rate = lg_reshape(tape, v, lg_shape2(lg_rows_of(tape, v), 3 * n));
     *K =
         lg_reshape(tape, lg_hamiltonian_record_blocks(tape, n, vars->kinetic[M]), lg_shape3(1, 3 * n, 3 * n));
 }

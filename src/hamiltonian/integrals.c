@@ -85,7 +85,7 @@ static lg_var of_program(void *user, lg_tape *tape, const lg_hamiltonian_vars *v
     (void)lg_program_find(program, function_name, &function, NULL);
     const lg_var state = lg_taped_join(tape, &space, y);
     if (lg_program_record(tape, program, function, NULL, &state, &g) != LG_OK) return LG_NONE;
-    return lg_reshape(tape, g, lg_shape2(lg_var_shape(tape, state).dims[0], 1));
+    return lg_reshape(tape, g, lg_shape2(lg_rows_of(tape, state), 1));
 }
 
 static lg_status check_ports(const lg_program *program, size_t function, uint32_t d, lg_error *error) {

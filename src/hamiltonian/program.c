@@ -53,7 +53,7 @@ static lg_status variational_step(void *user, lg_tape *tape, const lg_var *theta
     const lg_space space = lg_hamiltonian_model_space(r->model);
     const bool driven = lg_hamiltonian_input_dim(r->model) > 0;
     const lg_var u = driven ? x[1] : LG_NONE, h = x[driven ? 2 : 1];
-    const lg_shape tall = lg_shape3(lg_var_shape(tape, h).dims[0], 1, 1);
+    const lg_shape tall = lg_shape3(lg_rows_of(tape, h), 1, 1);
     lg_taped_span over = {.h = 1.0, .rows = h, .tall = lg_reshape(tape, h, tall)};
     lg_hamiltonian_vars vars;
     lg_var parts[LG_HAMILTONIAN_MAX_PARTS];

@@ -31,8 +31,8 @@ lg_var lg_hamiltonian_joined(lg_tape *tape, const lg_hamiltonian_family *family,
     size_t pairs = 0;
     for (const char *const *name = family->layout; *name != NULL; name += 2, pairs++) {
         const lg_var part = y[2 * pairs + odd];
-        flat[pairs] = lg_reshape(
-            tape, part, lg_shape2(lg_var_shape(tape, part).dims[0], lg_hamiltonian_width(tape, part)));
+        flat[pairs] =
+            lg_reshape(tape, part, lg_shape2(lg_rows_of(tape, part), lg_hamiltonian_width(tape, part)));
     }
     return lg_joined(tape, flat, pairs);
 }
@@ -89,7 +89,7 @@ lg_status lg_hamiltonian_bind(lg_tape *tape, const lg_hamiltonian *model, lg_var
 
 static lg_var flat_inputs(lg_tape *tape, const lg_hamiltonian_vars *vars, lg_var x) {
     const lg_hamiltonian *model = vars->model;
-    return lg_reshape(tape, x, lg_shape2(lg_var_shape(tape, x).dims[0], model->family->inputs * model->n));
+    return lg_reshape(tape, x, lg_shape2(lg_rows_of(tape, x), model->family->inputs * model->n));
 }
 
 /* The functions of x (B, d) that the network takes: invariants of the symmetry, and functions of these. */

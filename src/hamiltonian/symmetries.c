@@ -28,7 +28,7 @@ static uint32_t directions_of(const lg_hamiltonian *model) {
 /* R^T v of the v in order (B, 3 m): q_i, with `axis` e3 first. Each function of R and the q_i that rotations
  * do not change is a function of R^T q_i; if only rotations about e3 do not change it, of R^T e3, too. */
 static lg_var in_frame(lg_tape *tape, const lg_hamiltonian *model, lg_var x, bool axis) {
-    const uint32_t rows = lg_var_shape(tape, x).dims[0], k = directions_of(model);
+    const uint32_t rows = lg_rows_of(tape, x), k = directions_of(model);
     const lg_var R = lg_reshape(tape, lg_slice(tape, x, 1, 0, 9), lg_shape3(rows, 3, 3));
     lg_var part[2];
     size_t parts = 0;
@@ -43,7 +43,7 @@ static lg_var in_frame(lg_tape *tape, const lg_hamiltonian *model, lg_var x, boo
 /* ---- invariants of a chain's q_i, from their coordinates q[0], q[1], q[2], each (B, n) ---- */
 
 static void split_vectors(lg_tape *tape, const lg_hamiltonian *model, lg_var x, lg_var *q) {
-    const uint32_t rows = lg_var_shape(tape, x).dims[0], n = lg_hamiltonian_vectors(model);
+    const uint32_t rows = lg_rows_of(tape, x), n = lg_hamiltonian_vectors(model);
     const lg_var vectors = lg_reshape(tape, x, lg_shape3(rows, n, 3));
     for (uint32_t c = 0; c < 3; c++)
         q[c] = lg_reshape(tape, lg_slice(tape, vectors, 2, c, 1), lg_shape2(rows, n));
@@ -99,7 +99,7 @@ static lg_var spherical(lg_tape *tape, const lg_hamiltonian *model, lg_var x) {
 static lg_var total_momentum(lg_tape *tape, const lg_hamiltonian *model, const lg_var *y) {
     const uint32_t turned = rotations_of(model);
     if (turned == 0) return lg_sum_axis(tape, lg_cross(tape, y[0], y[1]), 1, false);
-    const lg_shape shape = lg_shape3(lg_var_shape(tape, y[1]).dims[0], turned, 3);
+    const lg_shape shape = lg_shape3(lg_rows_of(tape, y[1]), turned, 3);
     const lg_var spin = lg_sum_axis(tape, lg_reshape(tape, y[1], shape), 1, false);
     return directions_of(model) == 0
                ? spin

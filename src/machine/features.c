@@ -13,7 +13,7 @@ void lg_machine_split_positions(lg_tape *tape, const lg_machine *machine, lg_var
     lg_var x[LG_MACHINE_COORDINATES], q[LG_MACHINE_COORDINATES], R[LG_MACHINE_COORDINATES];
     uint32_t xs = 0, qs = 0, Rs = 0;
     const lg_machine_places part = lg_machine_parts(machine);
-    const uint32_t rows = lg_var_shape(tape, positions).dims[0];
+    const uint32_t rows = lg_rows_of(tape, positions);
     for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);) {
         if (at.places > 0) x[xs++] = lg_machine_columns(tape, positions, at.position, at.places);
         if (at.directions > 0) q[qs++] = lg_machine_columns(tape, positions, at.position, 3);
@@ -210,7 +210,7 @@ static lg_var selection(lg_tape *tape, uint32_t n) {
 }
 
 lg_var lg_machine_record_triangle(lg_tape *tape, lg_var packed, uint32_t n, bool positive) {
-    const uint32_t rows = lg_var_shape(tape, packed).dims[0], count = lg_triangle(n);
+    const uint32_t rows = lg_rows_of(tape, packed), count = lg_triangle(n);
     if (positive) {
         lg_var both[2];
         both[0] = lg_exp(tape, lg_machine_columns(tape, packed, 0, n));

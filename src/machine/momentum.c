@@ -15,7 +15,7 @@ static lg_var momenta_of(lg_tape *tape, const lg_machine *machine, const lg_var 
     uint32_t count = 0;
     if (at.m >= 0) both[count++] = parts[at.m];
     if (at.p >= 0) {
-        const uint32_t rows = lg_var_shape(tape, parts[at.p]).dims[0];
+        const uint32_t rows = lg_rows_of(tape, parts[at.p]);
         both[count++] = lg_reshape(tape, parts[at.p], lg_shape2(rows, 3 * machine->directions));
     }
     return lg_joined(tape, both, count);

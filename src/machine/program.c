@@ -163,8 +163,7 @@ static lg_status momenta(void *user, lg_tape *tape, const lg_var *theta, const l
     if (r->seen > 0) {
         parts[lg_taped_parts(&r->space)] = lg_machine_columns(tape, all, positions, r->seen);
     } else if (r->machine->lags > 0) {
-        const lg_var zeros =
-            lg_full(tape, lg_shape2(lg_var_shape(tape, parts[0]).dims[0], r->machine->lags), 0.0);
+        const lg_var zeros = lg_full(tape, lg_shape2(lg_rows_of(tape, parts[0]), r->machine->lags), 0.0);
         lg_tape_mark_rows(tape, zeros);
         parts[lg_taped_parts(&r->space)] = zeros;
     }
@@ -199,7 +198,7 @@ static lg_status held_field(void *user, lg_tape *tape, lg_taped_time t, const lg
     for (size_t i = 0; i < last; i++) parts[i] = y[i];
     parts[last] = l->x;
     if (l->r->machine->lags > 0 && lg_taped_time_varies(t))
-        parts[last] = lagged_after(tape, l, lg_taped_time_rows(tape, t, lg_var_shape(tape, y[0]).dims[0]));
+        parts[last] = lagged_after(tape, l, lg_taped_time_rows(tape, t, lg_rows_of(tape, y[0])));
     const lg_var in[2] = {lg_taped_join(tape, &l->r->full, parts), input};
     LG_TRY(lg_taped_split_algebra(tape, &l->r->full, lg_program_call(tape, "field", 0, in), all));
     for (size_t i = 0; i < last; i++) algebra[i] = all[i];

@@ -119,7 +119,7 @@ static lg_var rates(lg_tape *tape, const lg_machine *machine, lg_var v, bool dir
     for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
         if ((directions ? at.directions : at.rotations) > 0)
             each[count++] = lg_machine_columns(tape, v, at.velocity + at.velocities - 3, 3);
-    return lg_reshape(tape, lg_joined(tape, each, count), lg_shape3(lg_var_shape(tape, v).dims[0], count, 3));
+    return lg_reshape(tape, lg_joined(tape, each, count), lg_shape3(lg_rows_of(tape, v), count, 3));
 }
 
 /* ---- velocities and momenta on R^n ---- */
@@ -149,7 +149,7 @@ static lg_var with_directions(lg_tape *tape, const lg_machine *machine, lg_var v
 /* ---- states ---- */
 
 static uint32_t rows_of(lg_tape *tape, const lg_var *parts) {
-    return lg_var_shape(tape, parts[0]).dims[0];
+    return lg_rows_of(tape, parts[0]);
 }
 
 /* M of the state (B or 1, n, n). LG_NONE where M does not depend on the state: then vars->mass has it. */
@@ -227,7 +227,7 @@ static lg_status record_true_state(lg_tape *tape, const lg_machine_vars *vars, l
     const lg_machine *machine = vars->machine;
     const lg_machine_places at = lg_machine_parts(machine);
     lg_machine_split_positions(tape, machine, positions, parts);
-    const lg_machine_seen seen = {.parts = parts, .rows = lg_var_shape(tape, positions).dims[0]};
+    const lg_machine_seen seen = {.parts = parts, .rows = lg_rows_of(tape, positions)};
     put_momenta(tape, vars, moving_mass(tape, vars, &seen), turning(tape, machine, parts, velocities, false),
                 parts);
     if (at.z >= 0) parts[at.z] = lg_machine_bristle_steady(tape, vars, velocities);

@@ -28,7 +28,7 @@ void lg_machine_start_units(const lg_machine_problem *problem, double *scale) {
  * `first` of a. */
 static lg_var turn(lg_tape *tape, lg_var a, uint32_t first, uint32_t count, lg_var part) {
     lg_space space;
-    const uint32_t rows = lg_var_shape(tape, a).dims[0], width = lg_var_shape(tape, part).dims[2];
+    const uint32_t rows = lg_rows_of(tape, a), width = lg_var_shape(tape, part).dims[2];
     const lg_var u = lg_reshape(tape, lg_slice(tape, a, 1, first, 3 * count), lg_shape3(rows, count, 3));
     const lg_space_factor factor = {width == 9 ? LG_SPACE_SO3 : LG_SPACE_SO3_DUAL, count};
     lg_var out = part;

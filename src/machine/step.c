@@ -171,7 +171,7 @@ static lg_status variational_steps(lg_tape *tape, const lg_machine_flow *flow, i
     if (fault != NULL) (void)lg_tape_fail(tape, LG_UNSUPPORTED, "variational step", fault);
     LG_TRY(lg_tape_status(tape));
     if (!lg_is_none(over->h))
-        span.tall = lg_reshape(tape, over->h, lg_shape3(lg_var_shape(tape, over->h).dims[0], 1, 1));
+        span.tall = lg_reshape(tape, over->h, lg_shape3(lg_rows_of(tape, over->h), 1, 1));
     if (!lg_is_none(over->u[0])) u[1] = input_at(tape, over, 0.0);
     for (uint32_t i = 0; i < flow->substeps; i++) {
         u[0] = u[1];

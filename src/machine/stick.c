@@ -48,7 +48,7 @@ static sticking begin(lg_tape *tape, const lg_machine_vars *vars, const lg_machi
                   .parts = parts,
                   .x = x,
                   .n = machine->velocities,
-                  .rows = lg_var_shape(tape, parts[x]).dims[0]};
+                  .rows = lg_rows_of(tape, parts[x])};
     double rubs[LG_MACHINE_VELOCITIES];
     for (uint32_t i = 0; i < k.n; i++) {
         rubs[i] = (machine->sticks >> i & 1U) != 0 ? 1.0 : 0.0;

@@ -139,7 +139,7 @@ static lg_status legendre(void *user, lg_tape *tape, lg_var v, lg_var *r) {
 
 /* x + R dexp_{h Omega}(h w). */
 static lg_var shifted(lg_tape *tape, lg_var turn, lg_var shift, lg_var x, lg_var R) {
-    const uint32_t rows = lg_var_shape(tape, x).dims[0];
+    const uint32_t rows = lg_rows_of(tape, x);
     const lg_var way = lg_neg(tape, lg_so3_dexp_rows(tape, lg_neg(tape, turn), shift));
     const lg_var column = lg_reshape(tape, way, lg_shape3(rows, 3, 1));
     return lg_add(tape, x, lg_reshape(tape, lg_matmul(tape, R, column), lg_shape2(rows, 3)));
@@ -156,7 +156,7 @@ static lg_var turned(lg_tape *tape, lg_var turn, lg_var R) {
 static void move_positions(lg_tape *tape, const motion *s, lg_var v) {
     const lg_machine *machine = s->vars->machine;
     const lg_machine_places at = lg_machine_parts(machine);
-    const uint32_t rows = lg_var_shape(tape, v).dims[0];
+    const uint32_t rows = lg_rows_of(tape, v);
     lg_var x[LG_MACHINE_COORDINATES], R[LG_MACHINE_COORDINATES];
     uint32_t xs = 0, Rs = 0;
     for (lg_machine_offsets offset = {0}; lg_machine_next(machine, &offset);) {

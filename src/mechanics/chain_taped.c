@@ -104,7 +104,7 @@ static const lg_custom_op field_op = {.name = "pendulum-chain",
 
 lg_status lg_chain_taped_lagrangian(const lg_system *system, lg_tape *tape, lg_taped_time t, const lg_var *y,
                                     lg_var input, lg_var parameters, lg_var *algebra) {
-    const uint32_t k = (uint32_t)system->links, batch = lg_var_shape(tape, y[0]).dims[0];
+    const uint32_t k = (uint32_t)system->links, batch = lg_rows_of(tape, y[0]);
     const size_t scratch = lg_chain_scratch(k) * (lg_tape_dtype(tape) == LG_F64 ? 1 : 2);
     void *unused = NULL;
     if (scratch > UINT32_MAX) {

@@ -38,7 +38,7 @@ static void open_state(lg_tape *tape, const lg_system *system, const lg_var *par
     const uint32_t n = (uint32_t)system->space.dim / 2;
     size_t seen = 0;
     *s = (state){.tape = tape, .row = system->row->energy, .parts = lg_taped_parts(&system->space)};
-    s->rows = lg_var_shape(tape, parts[0]).dims[0];
+    s->rows = lg_rows_of(tape, parts[0]);
     memcpy(s->y, parts, s->parts * sizeof *parts);
     if (s->parts == 1) { /* R^2n: q before p */
         s->y[0] = lg_slice(tape, parts[0], 1, 0, n);

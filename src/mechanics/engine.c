@@ -3,6 +3,10 @@
 
 #include "core/numbers.h"
 
+uint32_t lg_rows_of(lg_tape *tape, lg_var x) {
+    return lg_var_shape(tape, x).dims[0];
+}
+
 /* ---- constant matrices ---- */
 
 /* Constant diagonals, and `beyond` further above the main one. */
@@ -57,7 +61,7 @@ lg_var lg_tied_velocities(lg_tape *tape, lg_var M, lg_var W, lg_var P, lg_var N,
 }
 
 lg_var lg_columns_crossed(lg_tape *tape, lg_var a, lg_var b) {
-    const uint32_t rows = lg_var_shape(tape, a).dims[0], c = lg_var_shape(tape, a).dims[1];
+    const uint32_t rows = lg_rows_of(tape, a), c = lg_var_shape(tape, a).dims[1];
     const lg_shape matrices = lg_shape3(rows * c, 3, 3);
     lg_var each = lg_cross(tape, lg_transpose(tape, lg_reshape(tape, a, matrices)),
                            lg_transpose(tape, lg_reshape(tape, b, matrices)));
@@ -88,7 +92,7 @@ lg_var lg_row_matrices(lg_tape *tape, lg_var R) {
 }
 
 lg_var lg_body_velocity(lg_tape *tape, lg_var inertia, lg_var R, lg_var pi) {
-    const lg_shape line = lg_shape3(lg_var_shape(tape, pi).dims[0], 1, 3);
+    const lg_shape line = lg_shape3(lg_rows_of(tape, pi), 1, 3);
     const lg_var body = lg_matmul(tape, lg_reshape(tape, pi, line), R);
     return lg_matmul_nt(tape, lg_div(tape, body, inertia), R);
 }

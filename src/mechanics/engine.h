@@ -6,6 +6,9 @@
 #include "liegrad/mechanics.h"
 #include "liegrad/ops.h"
 
+/* The length of x's first axis. */
+uint32_t lg_rows_of(lg_tape *tape, lg_var x);
+
 /* ---- constant matrices (1, n, n) ---- */
 
 /* A tridiagonal matrix with constant diagonals `below`, `main` and `above`. */

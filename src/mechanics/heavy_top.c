@@ -93,7 +93,7 @@ static double spatial_invariant(const lg_system *system, size_t index, const dou
 LG_TAPED_FIELD(top) {
     const bool cotangent = system->space.factor[0].kind == LG_SPACE_SE3,
                quadratic = cotangent && system->space.factors > 1;
-    const lg_shape line = lg_shape3(lg_var_shape(tape, y[0]).dims[0], 1, 3);
+    const lg_shape line = lg_shape3(lg_rows_of(tape, y[0]), 1, 3);
     const lg_var Q = lg_row_matrices(tape, y[0]), pi = lg_reshape(tape, y[1], line),
                  omega = lg_body_velocity(tape, lg_slice(tape, numbers, 0, INERTIA, 3), Q, pi);
     const lg_var shift = quadratic ? lg_reshape(tape, lg_slice(tape, y[2], 1, 3, 3), line) : LG_NONE;

@@ -200,7 +200,7 @@ static void follow(const flight *f, lg_taped_time t, lg_var position, lg_var vel
 
 /* (v, v'), then (omega_i, q_i x omega_i') of the links, then with attitudes (R_i Omega_i, Omega_i'). */
 LG_TAPED_FIELD(quadrotors) {
-    const flight f = {tape, numbers, y[1], y[2], lg_var_shape(tape, y[0]).dims[0]};
+    const flight f = {tape, numbers, y[1], y[2], lg_rows_of(tape, y[0])};
     const lg_shape line = lg_shape3(f.rows, 1, 3);
     const lg_var position = lg_reshape(tape, lg_slice(tape, y[0], 1, POSITION, 3), line),
                  velocity = lg_reshape(tape, lg_slice(tape, y[0], 1, VELOCITY, 3), line), e3 = axis(&f, 2);
