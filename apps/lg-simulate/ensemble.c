@@ -206,8 +206,7 @@ static void read_events(study *all, lg_ensemble_event events[LG_EVENTS_MAX]) {
     if (sim->values->event == NULL) return;
     APP_FREE char *copy = app_format("%s", sim->values->event);
     all->total->event = app_keep(LG_EVENTS_MAX, sizeof *all->total->event);
-    for (char *rest = NULL, *item = strtok_r(copy, ",", &rest); item != NULL;
-         item = strtok_r(NULL, ",", &rest)) {
+    for (char *rest = copy, *item; (item = strtok_r(rest, ",", &rest)) != NULL;) {
         const size_t e = all->total->events++;
         if (e == LG_EVENTS_MAX)
             app_stop_usage(sim->self, "--event: at most %d events can be given", LG_EVENTS_MAX);

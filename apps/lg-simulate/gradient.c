@@ -20,8 +20,7 @@ void gradient_read(const simulation *sim, gradient *out) {
     if (from_file && (used == MAX_TEXT - 1 || strlen(text) != used))
         app_stop(sim->self, LG_FILE, "%s: is not a list of numbers", given + 1);
     *out = (gradient){.count = sim->reported, .weights = app_keep(sim->dim, sizeof *out->weights)};
-    for (char *save = NULL, *word = strtok_r(text, between, &save); word != NULL;
-         word = strtok_r(NULL, between, &save), count++) {
+    for (char *rest = text, *word; (word = strtok_r(rest, between, &rest)) != NULL; count++) {
         double value;
         if (lg_number_parse(word, &value) != LG_OK)
             app_stop_usage(sim->self, "--gradient: '%.40s' is not a number", word);

@@ -129,8 +129,7 @@ static void add_curve(diagram *d, const char *option, const char *name) {
 /* Adds the methods of a list; of the default list (not `asked`) those that apply. */
 static void add_list(diagram *d, const char *list, bool asked) {
     APP_FREE char *names = app_format("%s", list);
-    for (char *save = NULL, *name = strtok_r(names, ",", &save); name != NULL;
-         name = strtok_r(NULL, ",", &save)) {
+    for (char *rest = names, *name; (name = strtok_r(rest, ",", &rest)) != NULL;) {
         if (!asked && method_obstacle(d->sim, lg_scheme_find(name)) != NULL) continue;
         if (d->count == CURVES)
             app_stop_usage(d->sim->self, "--schemes: at most %d schemes can be given", CURVES);

@@ -215,9 +215,7 @@ vary *vary_open(const simulation *sim, const char *text, const char *table, size
     size_t given = 1;
     for (const char *at = text; *at != '\0'; at++) given += *at == ',';
     self->items = app_keep(given * (sim->block_count + 1), sizeof *self->items);
-    for (char *rest = NULL, *item = strtok_r(copy, ",", &rest); item != NULL;
-         item = strtok_r(NULL, ",", &rest))
-        read_item(self, item);
+    for (char *rest = copy, *item; (item = strtok_r(rest, ",", &rest)) != NULL;) read_item(self, item);
     if (table != NULL) read_table(self, table);
     *rows = self->table.rows;
     *parameters = self->of_parameters;

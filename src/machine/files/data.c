@@ -17,8 +17,7 @@ static lg_status list_paths(const lg_context *context, const lg_machine_sources 
     if (out->paths == NULL || out->list == NULL) return lg_no_memory(error);
     memcpy(out->paths, from->logs, from->count * sizeof *out->paths);
     out->path_count = from->count;
-    char *save = NULL;
-    for (char *at = strtok_r(out->list, ",", &save); at != NULL; at = strtok_r(NULL, ",", &save))
+    for (char *rest = out->list, *at; (at = strtok_r(rest, ",", &rest)) != NULL;)
         out->paths[out->path_count++] = at;
     return LG_OK;
 }
