@@ -31,21 +31,17 @@ typedef struct expecting {
     double left, unit;
 } expecting;
 
-static double dot(const double *a, const double *b, size_t n) {
-    return lg_kernels_for(LG_F64)->dot(n, a, b);
-}
-
 /* Adds the effect of a measured start's noise on the residuals to `left` and K. */
 static void add_start(expecting *e, const double *columns, const double *variance) {
     const size_t n = e->n, stride = e->of.rows;
     for (size_t k = 0; k < e->of.fit.own; k++) {
         const double *S = columns + (e->of.n + k) * stride;
         if (!(variance[k] > 0.0)) continue;
-        e->left += variance[k] * dot(S, S, e->rows);
+        e->left += variance[k] * lg_fit_dot(S, S, e->rows);
         for (size_t i = 0; i < n; i++)
             for (size_t j = 0; j < n; j++)
-                e->K[i * n + j] += variance[k] * dot(columns + i * stride, S, e->rows) *
-                                   dot(columns + j * stride, S, e->rows);
+                e->K[i * n + j] += variance[k] * lg_fit_dot(columns + i * stride, S, e->rows) *
+                                   lg_fit_dot(columns + j * stride, S, e->rows);
     }
 }
 
@@ -63,13 +59,13 @@ static void add_window(void *user, double *columns, uint32_t window) {
     memset(variance, 0, first * sizeof *variance);
     for (size_t j = 0; j < of->n + of->fit.own; j++)
         memset(columns + j * of->rows, 0, first * sizeof *columns);
-    e->left += dot(variance, part, e->rows);
+    e->left += lg_fit_dot(variance, part, e->rows);
     if (!e->measured) e->left -= lg_fit_take_start(columns, of->rows, e->rows, of->n, of->fit.own, variance);
-    for (size_t i = 0; i <= n; i++) e->b[i] += dot(columns + i * of->rows, f, e->rows);
+    for (size_t i = 0; i <= n; i++) e->b[i] += lg_fit_dot(columns + i * of->rows, f, e->rows);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) {
             const double *a = columns + i * of->rows, *b = columns + j * of->rows;
-            e->J[i * n + j] += dot(a, b, of->fit.rows);
+            e->J[i * n + j] += lg_fit_dot(a, b, of->fit.rows);
             e->K[i * n + j] += lg_fit_dot3(a, b, variance, e->rows);
         }
     if (e->measured) add_start(e, columns, of_start);
@@ -89,8 +85,8 @@ static lg_status taken(expecting *e, double *values, double *out) {
     for (size_t k = 0; k < n; k++) {
         const double *v = e->J + k * n;
         if (!(values[k] > shown * values[n - 1])) continue;
-        for (size_t i = 0; i < n; i++) *out += v[i] * dot(e->K + i * n, v, n) / values[k];
-        e->b[n] -= pow(dot(e->b, v, n), 2.0) / values[k];
+        for (size_t i = 0; i < n; i++) *out += v[i] * lg_fit_dot(e->K + i * n, v, n) / values[k];
+        e->b[n] -= pow(lg_fit_dot(e->b, v, n), 2.0) / values[k];
     }
     return LG_OK;
 }

@@ -15,10 +15,6 @@ typedef struct identifying {
     lg_status missing;               /* of a number that could not be computed */
 } identifying;
 
-static double dot(const double *a, const double *b, size_t n) {
-    return lg_kernels_for(LG_F64)->dot(n, a, b);
-}
-
 /* The numbers, at the parameters theta with parameter j moved up and down by a step. */
 static void probe(identifying *s, double *theta, size_t j, double step, size_t count, lg_identified *up,
                   lg_identified *down) {
@@ -77,7 +73,7 @@ static void propagate(identifying *s, const double *W, size_t count, double *gra
             row[j] = g[j];
         }
         for (size_t k = 0; k < s->of.n; k++) {
-            g[k] = dot(W + k * s->of.n, row, s->of.n);
+            g[k] = lg_fit_dot(W + k * s->of.n, row, s->of.n);
             variance += g[k] * g[k];
         }
         numbers[i].error = sqrt(variance);
@@ -92,7 +88,7 @@ static void mark_lost(identifying *s, size_t count, double *gradient, double *th
                       lg_identified *numbers, double *units) {
     for (size_t i = 0; i < count; i++) {
         double *g = gradient + i * s->of.n;
-        bool depends = !isfinite(numbers[i].value) || !isfinite(dot(g, g, s->of.n));
+        bool depends = !isfinite(numbers[i].value) || !isfinite(lg_fit_dot(g, g, s->of.n));
         for (int probe = 0; probe < 2 && !depends && numbers[i].error == 0.0; probe++) {
             for (size_t j = 0; j < s->of.n; j++) theta[j] = probe;
             (void)lg_machine_numbers_at(s->machine, theta, s->at, count, moved, &s->missing);
@@ -112,7 +108,7 @@ static void multiply(identifying *s, size_t count, const double *shares, const d
     for (size_t i = 0; i < count; i++)
         for (size_t j = 0; j <= i; j++)
             out[i * count + j] = out[j * count + i] =
-                dot(shares + i * s->of.n, shares + j * s->of.n, s->of.n) / (units[i] * units[j]);
+                lg_fit_dot(shares + i * s->of.n, shares + j * s->of.n, s->of.n) / (units[i] * units[j]);
     for (size_t i = 0; i < count; i++)
         if (isinf(numbers[i].error) && out[i * count + i] == 0.0) out[i * count + i] = 1e12;
 }
@@ -139,10 +135,10 @@ static lg_status find_changes(identifying *s, size_t count, const double *gradie
         slope[j] = s->of.slope[j] * scale + (j < s->machine->weights ? s->of.theta[j] / (b * b) : 0.0);
     }
     for (size_t k = 0; k < n; k++) {
-        const double along = dot(W + k * n, slope, n);
+        const double along = lg_fit_dot(W + k * n, slope, n);
         for (size_t j = 0; j < n; j++) step[j] -= along * W[k * n + j];
     }
-    for (size_t i = 0; i < count; i++) changes[i] = dot(gradient + i * n, step, n);
+    for (size_t i = 0; i < count; i++) changes[i] = lg_fit_dot(gradient + i * n, step, n);
     return LG_OK;
 }
 

@@ -15,7 +15,7 @@ enum { CHUNK = 64, BLOCK = 32, RUN = 32, FEW = 64 };
 
 typedef lg_fit_errors normal;
 
-static double dot(const double *a, const double *b, size_t n) {
+double lg_fit_dot(const double *a, const double *b, size_t n) {
     return lg_kernels_for(LG_F64)->dot(n, a, b);
 }
 
@@ -31,16 +31,16 @@ double lg_fit_take_start(double *columns, size_t stride, size_t rows, size_t n, 
     double before[LG_FIT_MOST_OWN], taken = 0.0;
     for (size_t k = 0; k < own; k++) {
         const double *column = columns + (n + k) * stride;
-        before[k] = dot(column, column, rows);
+        before[k] = lg_fit_dot(column, column, rows);
     }
     for (size_t k = n + own; k-- > n;) {
         const double *pivot = columns + k * stride;
-        const double norm = dot(pivot, pivot, rows);
+        const double norm = lg_fit_dot(pivot, pivot, rows);
         if (!(norm > rounding * before[k - n])) continue;
         taken += variance != NULL ? lg_fit_dot3(pivot, pivot, variance, rows) / norm : 1.0;
         for (size_t j = 0; j < k; j++) {
             double *column = columns + j * stride;
-            lg_kernels_for(LG_F64)->axpy(rows, -dot(pivot, column, rows) / norm, pivot, column);
+            lg_kernels_for(LG_F64)->axpy(rows, -lg_fit_dot(pivot, column, rows) / norm, pivot, column);
         }
     }
     return taken;
@@ -50,7 +50,7 @@ double lg_fit_take_start(double *columns, size_t stride, size_t rows, size_t n, 
  * integrals of measured velocities, and rows without a measurement. */
 static void count_residuals(normal *s) {
     static const double nothing = 1e-8;
-    const double least = nothing * dot(s->residuals, s->residuals, s->rows) / (double)s->rows;
+    const double least = nothing * lg_fit_dot(s->residuals, s->residuals, s->rows) / (double)s->rows;
     for (size_t row = 0; row < s->rows; row++) {
         const size_t i = row % s->fit.rows;
         if (i < s->fit.rows - s->priors && s->residuals[row] * s->residuals[row] > least)
@@ -88,7 +88,7 @@ static void add_lagged(normal *s, size_t count) {
         for (size_t w = 0; w < count; w++) {
             const double *a = s->columns + j / s->n * s->rows + w * each,
                          *b = s->columns + j % s->n * s->rows + w * each;
-            s->lagged[j] += dot(a, b + d, each - d - s->priors);
+            s->lagged[j] += lg_fit_dot(a, b + d, each - d - s->priors);
         }
 }
 
@@ -96,15 +96,16 @@ static void add_lagged(normal *s, size_t count) {
  * index of the chunk's first window. */
 static void add_scores(normal *s, size_t first, size_t count) {
     const size_t each = s->rows / count, logged = each - s->priors, d = s->each, m = s->stretches;
-    for (size_t j = 0; j < s->n; j++) s->slope[j] += dot(s->columns + j * s->rows, s->residuals, s->rows);
+    for (size_t j = 0; j < s->n; j++)
+        s->slope[j] += lg_fit_dot(s->columns + j * s->rows, s->residuals, s->rows);
     for (size_t w = 0; w < count; w++) {
         const double *r = s->residuals + w * each;
-        s->neighbours += dot(r, r + d, logged - d);
+        s->neighbours += lg_fit_dot(r, r + d, logged - d);
         for (size_t k = 0; k < m; k++) {
             const size_t begin = logged / d * k / m * d, end = logged / d * (k + 1) / m * d;
             double *score = s->scores + ((first + w) * m + k) * s->n;
             for (size_t j = 0; j < s->n; j++)
-                score[j] = dot(s->columns + j * s->rows + w * each + begin, r + begin, end - begin);
+                score[j] = lg_fit_dot(s->columns + j * s->rows + w * each + begin, r + begin, end - begin);
         }
     }
 }
@@ -132,7 +133,7 @@ static lg_status add_chunk(normal *s, const uint32_t *samples, size_t first, siz
         return LG_OK;
     }
     for (size_t j = 0; j < s->n && s->lengths != NULL; j++)
-        s->lengths[j] += dot(s->columns + j * s->rows, s->columns + j * s->rows, s->rows);
+        s->lengths[j] += lg_fit_dot(s->columns + j * s->rows, s->columns + j * s->rows, s->rows);
     for (size_t w = 0, each = s->rows / count; w < count && s->fit.own > 0; w++)
         s->weighted -= lg_fit_take_start(s->columns + w * each, s->rows, each, s->n, s->fit.own, NULL);
     if (s->lagged != NULL) add_lagged(s, count);

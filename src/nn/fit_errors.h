@@ -22,7 +22,8 @@ lg_status lg_fit_eigen(const lg_context *context, size_t n, double *matrix, doub
  * there are too few stretches, and that F is not set. */
 lg_status lg_fit_colour(const lg_context *context, size_t count, size_t n, size_t least, double share,
                         bool coloured, const double *P, double *h, double *F, size_t *block);
-/* Sum of a[i] b[i] c[i]. */
+/* Sums of a[i] b[i] and of a[i] b[i] c[i]. */
+double lg_fit_dot(const double *a, const double *b, size_t n);
 double lg_fit_dot3(const double *a, const double *b, const double *c, size_t n);
 /* Makes the n columns (rows), each `stride` numbers behind the one before, orthogonal to the `own` columns of
  * a start behind them (modified Gram-Schmidt). Returns the variance that these take: of residuals with the

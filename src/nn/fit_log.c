@@ -139,7 +139,7 @@ static lg_status linearise(void *user, lg_tape *tape, const double *theta, const
     for (size_t i = 0; i < count; i++)
         LG_TRY(follow(f, tape, theta, samples[i], sqrt((double)f->windows / (double)batch / f->measured),
                       r + i * each, jacobian + i * each * f->columns));
-    *loss = lg_kernels_for(LG_F64)->dot(count * each, r, r);
+    *loss = lg_fit_dot(r, r, count * each);
     return LG_OK;
 }
 
