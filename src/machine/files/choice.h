@@ -5,7 +5,6 @@
 
 #include "core/text.h"
 #include "machine/files/recipe.h"
-#include "model/files/training.h"
 
 /* ---- windows that are held out (held_out.c) ---- */
 

@@ -68,7 +68,7 @@ static void put_values(const char *key, uint32_t count, const uint32_t *values, 
 /* Writes a hold and a delay of the inputs that the grid varies. */
 static void write_change(const void *user, size_t index, lg_text *out) {
     const grid *g = user;
-    const lg_machine_data *data = &((const lg_machine_state *)g->self->state)->data;
+    const lg_machine_data *data = &lg_machine_state_of(g->self)->data;
     const uint32_t n = data->file.machine.input_count;
     uint32_t hold[LG_MACHINE_INPUTS], delay[LG_MACHINE_INPUTS];
     for (uint32_t i = 0; i < n; i++) {
@@ -219,7 +219,7 @@ static lg_status search(lg_training *self, grid *g, bool tell, lg_error *error) 
 /* First one hold and one delay for all inputs that have `auto`, then those of one such input after the
  * other. A file without `hold` gets one hold for all inputs. */
 lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
-    const lg_machine_data *data = &((const lg_machine_state *)self->state)->data;
+    const lg_machine_data *data = &lg_machine_state_of(self)->data;
     const lg_machine *machine = &data->file.machine;
     const uint32_t n = machine->input_count;
     if (n == 0 || machine->parameters == 0) return LG_OK;
@@ -244,7 +244,7 @@ lg_status lg_machine_choose_inputs(lg_training *self, lg_error *error) {
 static lg_status widen_spread(lg_training *self, const double *theta, size_t count, const double *factor,
                               double *W, lg_error *error) {
     static const double step = 1e-3;
-    const lg_machine *machine = ((const lg_machine_state *)self->state)->problem.machine;
+    const lg_machine *machine = lg_machine_state_of(self)->problem.machine;
     const size_t n = machine->parameters;
     double *at;
     lg_identified *numbers, *moved;
@@ -303,7 +303,7 @@ lg_status lg_machine_widen(lg_training *self, const double *theta, size_t count,
 static void tell(lg_training *self, const char *key, const char *const *names, size_t count,
                  const uint32_t *value, const double *ratios) {
     enum { NEXT = sizeof(lg_input_choice) / sizeof(double) };
-    const uint32_t n = ((const lg_machine_state *)self->state)->data.file.machine.input_count;
+    const uint32_t n = lg_machine_state_of(self)->data.file.machine.input_count;
     const bool same = is_same(n, value);
     bool alike = same;
     for (uint32_t i = 0; i < n; i++)

@@ -132,7 +132,7 @@ static void warn_of_numbers(const lg_training *self, const lg_machine_verdict *w
     const lg_identification *of = &what->identified;
     const size_t count = what->count;
     const lg_identified *numbers = of->numbers;
-    const bool zeros = ((const lg_machine_model_run *)self->run)->machine.accelerations;
+    const bool zeros = lg_machine_run_of(self)->machine.accelerations;
     for (size_t i = 0; i < count; i++) {
         const double error = numbers[i].error;
         if (isnan(error) || error <= fabs(numbers[i].value) ||
@@ -263,7 +263,7 @@ static bool is_shown(const lg_machine *machine, const lg_identified *lag) {
 /* Warns if the fitted lag is near an end of the range in which it is searched. */
 static void warn_of_lags(const lg_training *self, const lg_machine_verdict *what) {
     static const double near_high = 0.95;
-    const lg_machine *machine = &((const lg_machine_model_run *)self->run)->machine;
+    const lg_machine *machine = &lg_machine_run_of(self)->machine;
     const double *range = machine->scales.lag;
     for (uint32_t i = 0; i < machine->input_count; i++) {
         const lg_identified *lag = find_lag(what, machine->inputs[i]);
@@ -294,7 +294,7 @@ static double lag_of(const lg_machine *machine, const lg_machine_verdict *what, 
 static lg_status tell_ratios(lg_training *self, lg_error *error) {
     enum { ROOM = 24 };
     const lg_machine_state *s = self->state;
-    const double row = ((const lg_machine_model_run *)self->run)->machine.scales.lag[0] / least_rows;
+    const double row = lg_machine_run_of(self)->machine.scales.lag[0] / least_rows;
     char *text;
     LG_TRAINING_ARRAY(self, text, ROOM * LG_LAG_STARTS, error);
     lg_result_open(self, "ratios", '{');
@@ -310,7 +310,7 @@ static lg_status tell_ratios(lg_training *self, lg_error *error) {
  * its loss divided by the least one}}, and a sentence "warning" if the log does not show one of the lags.
  * Nothing if no lag was learned. */
 static lg_status tell_lags(lg_training *self, const lg_machine_verdict *what, lg_error *error) {
-    const lg_machine *machine = &((const lg_machine_model_run *)self->run)->machine;
+    const lg_machine *machine = &lg_machine_run_of(self)->machine;
     const uint32_t n = machine->input_count;
     bool learned = false, shown = true;
     for (uint32_t i = 0; i < n; i++) {
@@ -427,7 +427,7 @@ static lg_status tell(lg_training *self, lg_machine_verdict *what, lg_error *err
 
 static lg_status find_numbers(lg_training *self, const double *theta, lg_machine_verdict *out,
                               lg_error *error) {
-    const lg_machine_problem *problem = &((const lg_machine_state *)self->state)->problem;
+    const lg_machine_problem *problem = &lg_machine_state_of(self)->problem;
     const size_t n = problem->machine->parameters,
                  count = lg_machine_numbers(problem->machine, theta, 0, NULL);
     lg_identification *of = &out->identified;
@@ -436,7 +436,7 @@ static lg_status find_numbers(lg_training *self, const double *theta, lg_machine
     LG_TRAINING_ARRAY(self, of->correlations, count * count + 1, error);
     LG_TRAINING_ARRAY(self, of->open, count * count + 1, error);
     if (n <= LG_MACHINE_MOST_SPREAD) LG_TRAINING_ARRAY(self, of->spread, n * n + 1, error);
-    of->prior = ((const lg_machine_model_run *)self->run)->training.prior;
+    of->prior = lg_machine_run_of(self)->training.prior;
     LG_TRY(lg_machine_identify(self->context, problem, theta, of, error));
     LG_TRY(lg_machine_widen(self, theta, count, of, error));
     keep_several(of, count);

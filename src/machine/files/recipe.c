@@ -36,7 +36,7 @@ static lg_status read_data(lg_training *self, lg_error *error) {
 
 static void close_data(lg_training *self) {
     lg_machine_select_close(self);
-    lg_machine_data_destroy(&((lg_machine_state *)self->state)->data);
+    lg_machine_data_destroy(&lg_machine_state_of(self)->data);
 }
 
 /* ---- the run ---- */
@@ -168,7 +168,7 @@ static void set_loss_scales(lg_machine_model_run *run, const lg_machine_state *s
 }
 
 static lg_status check_data(const lg_training *self, lg_error *error) {
-    const lg_machine_data *data = &((const lg_machine_state *)self->state)->data;
+    const lg_machine_data *data = &lg_machine_state_of(self)->data;
     const size_t longest = lg_log_longest_part(&data->training);
     LG_TRY(lg_machine_refuse_momenta(&data->file, self->paths[0], error));
     if (longest >= SHORTEST_LOG) return LG_OK;
@@ -310,7 +310,7 @@ static lg_status weigh_priors(lg_training *self, const double *theta, lg_error *
 
 static lg_status make_problem(lg_training *self, lg_error *error) {
     const lg_machine_model_run *run = self->run;
-    const lg_machine_problem *problem = &((const lg_machine_state *)self->state)->problem;
+    const lg_machine_problem *problem = &lg_machine_state_of(self)->problem;
     lg_fit_options *options = &self->options;
     const double begin = lg_seconds();
     double *initial;
@@ -319,7 +319,7 @@ static lg_status make_problem(lg_training *self, lg_error *error) {
     LG_TRAINING_ARRAY(self, self->theta, self->problem.parameters, error);
     lg_rng_seed(&rng, run->training.seed, STREAM_WEIGHTS);
     lg_machine_initialise(&run->machine, &rng, self->theta);
-    const struct lg_machine_warm *warm = ((const lg_machine_state *)self->state)->warm;
+    const struct lg_machine_warm *warm = lg_machine_state_of(self)->warm;
     LG_TRAINING_ARRAY(self, initial, run->machine.parameters + 1, error);
     memcpy(initial, self->theta, run->machine.parameters * sizeof *initial);
     if (warm != NULL) lg_machine_carry(&warm->machine, warm->theta, &run->machine, self->theta);
@@ -339,7 +339,7 @@ static lg_status make_problem(lg_training *self, lg_error *error) {
 /* ---- results ---- */
 
 static lg_status save(lg_training *self, void *into, lg_error *error) {
-    const lg_machine_verdict *verdict = &((const lg_machine_state *)self->state)->verdict;
+    const lg_machine_verdict *verdict = &lg_machine_state_of(self)->verdict;
     ((lg_machine_model_file *)into)->spread = verdict->count > 0 ? verdict->identified.spread : NULL;
     return LG_OK;
 }

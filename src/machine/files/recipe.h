@@ -7,6 +7,7 @@
 
 #include "core/clean.h"
 #include "machine/internal.h"
+#include "model/files/training.h"
 
 /* A model keeps the covariance of its parameters up to this number of parameters. */
 #define LG_MACHINE_MOST_SPREAD 256
@@ -323,19 +324,25 @@ typedef struct lg_machine_state {
     lg_machine_verdict verdict;
 } lg_machine_state;
 
+static inline lg_machine_state *lg_machine_state_of(const lg_training *self) {
+    return self->state;
+}
+static inline lg_machine_model_run *lg_machine_run_of(const lg_training *self) {
+    return self->run;
+}
+
 /* Fills `positions`, `noisy` and `noise` of the state from its data (data.c). */
 void lg_machine_look(lg_machine_state *state);
 
 /* Whether the machine has so few parameters that Levenberg-Marquardt, with one forward sweep for each, is
  * fastest. */
 bool lg_machine_is_small(const lg_machine *machine);
-struct lg_training;
 /* A floor of the loss below this does not matter: no more substeps are taken or proposed. */
 #define LG_MACHINE_FLOOR 1e-11
 
 /* Improves theta, the machine's parameters (in and out), on short windows until longer windows can be
  * predicted. Also sets the scales of the loss, and the substeps unless they are given (warm_up.c). */
-lg_status lg_machine_warm_up(struct lg_training *self, double *theta, lg_error *error);
+lg_status lg_machine_warm_up(lg_training *self, double *theta, lg_error *error);
 
 /* Coefficients of friction are squares of parameters. Near 0 a parameter has next to no influence, so that
  * its first step leads far away, and a fit that begins there rejects all steps. Such parameters begin again
@@ -346,7 +353,7 @@ void lg_machine_revive(const lg_machine *machine, const double *initial, double 
 lg_status lg_machine_smooth(const lg_context *context, const lg_machine *machine, const lg_machine_log *log,
                             uint32_t half, uint32_t degree, lg_started_log *out, lg_error *error);
 /* The trainer's hook `judge`: fills the verdict, and warns of what is wrong with the model. */
-lg_status lg_machine_judge(struct lg_training *self, double *theta, lg_error *error);
+lg_status lg_machine_judge(lg_training *self, double *theta, lg_error *error);
 
 /* Warns if mass, potential, damping and input map are determined only up to a common factor (judge.c). */
 void lg_machine_warn_of_gauge(const lg_context *context, const lg_machine *machine);
@@ -355,6 +362,6 @@ void lg_machine_warn_of_gauge(const lg_context *context, const lg_machine *machi
 
 /* Fails with LG_OUT_OF_MEMORY if the windows of the fit are so long that the memory that is left does not
  * suffice; the sentence says how long they may be. */
-lg_status lg_machine_check_room(struct lg_training *self, lg_error *error);
+lg_status lg_machine_check_room(lg_training *self, lg_error *error);
 
 #endif

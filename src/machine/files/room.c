@@ -6,7 +6,6 @@
 
 #include "files/memory.h"
 #include "machine/files/recipe.h"
-#include "model/files/training.h"
 
 /* Rows of the longest window that is measured. Windows of up to as many are not checked. */
 enum { MEASURED = 256 };
@@ -80,7 +79,7 @@ enum { PLANNED, TAPED, JUDGED, TAPED_TOGETHER, JUDGED_TOGETHER, WAYS, TOGETHER =
 /* Bytes of windows of `window` rows; several windows are the same one. */
 static lg_status measure(lg_training *self, int way, uint32_t window, double *bytes, lg_error *error) {
     const lg_machine_model_run *run = self->run;
-    lg_machine_problem problem = ((const lg_machine_state *)self->state)->problem;
+    lg_machine_problem problem = lg_machine_state_of(self)->problem;
     const bool judged = way == JUDGED || way == JUDGED_TOGETHER;
     size_t start[TOGETHER];
     count c = {0, 0};
@@ -146,7 +145,7 @@ static double bytes_of(const lg_training *self, const double row[WAYS], uint32_t
         PLAN_OPERATION = 512, /* most bytes of an operation of a plan */
     };
     static const double margin = 1.3; /* the parts of blocks that are not used */
-    lg_machine_problem problem = ((const lg_machine_state *)self->state)->problem;
+    lg_machine_problem problem = lg_machine_state_of(self)->problem;
     lg_fit_problem fit;
     const size_t used = problem.windows - problem.validation; /* shorter windows are more */
     const double windows = fmax((double)used, (double)problem.log.rows / window),

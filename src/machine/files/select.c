@@ -73,7 +73,7 @@ lg_status lg_machine_select_begin(lg_training *self, lg_error *error) {
 }
 
 lg_status lg_machine_select_end(lg_training *self, double *theta, lg_error *error) {
-    selection *s = ((lg_machine_state *)self->state)->selection;
+    selection *s = lg_machine_state_of(self)->selection;
     if (s == NULL) return LG_OK;
     memcpy(s->now, theta, self->problem.parameters * sizeof *theta);
     LG_TRY(judge_now(s, lg_fit_epochs_done(self->fit), error));

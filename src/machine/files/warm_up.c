@@ -6,7 +6,6 @@
 
 #include "core/median.h"
 #include "machine/files/recipe.h"
-#include "model/files/training.h"
 
 bool lg_machine_is_small(const lg_machine *machine) {
     enum { FEW = 60 };
@@ -436,8 +435,8 @@ static bool start_bristles(const lg_machine *machine, size_t start, double *thet
 }
 
 static lg_status scan_lags(lg_training *self, lg_machine_problem *problem, double *theta, lg_error *error) {
-    return scan(self, problem, LG_LAG_STARTS, start_lags, theta,
-                ((lg_machine_state *)self->state)->lag_ratios, error);
+    return scan(self, problem, LG_LAG_STARTS, start_lags, theta, lg_machine_state_of(self)->lag_ratios,
+                error);
 }
 
 /* A few windows tell which start is the best. */
@@ -597,7 +596,7 @@ static lg_status find_substeps(lg_training *self, const lg_machine *machine, con
 }
 
 lg_status lg_machine_warm_up(lg_training *self, double *theta, lg_error *error) {
-    const lg_machine *machine = &((const lg_machine_model_run *)self->run)->machine;
+    const lg_machine *machine = &lg_machine_run_of(self)->machine;
     const lg_machine_state *s = self->state;
     /* Fits of logs without velocities also give the parameters of all starts. */
     const size_t starts = s->estimated ? lg_machine_problem_parameters(&s->problem) - machine->parameters : 0;
