@@ -63,7 +63,7 @@ static size_t find_cut(const lg_machine_log *log, double seconds) {
 
 static void divide(const app *self, adapting *a) {
     enum { LEAST = 5 }; /* rows of positions alone: more than the starts and numbers of a fit */
-    const lg_machine_log *log = &a->given.data.logs.log;
+    const lg_machine_log *log = a->given.log;
     size_t parts = 0;
     a->cut = find_cut(log, values.beginning);
     if (a->cut < LEAST || a->cut + LEAST > log->rows)

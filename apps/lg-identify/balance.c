@@ -223,7 +223,7 @@ static void whiteness_of(const lg_machine_data *data, const size_t *row, const s
 }
 
 void identify_run_whiteness(const identify_given *given, const identify_runs *runs, identify_whiteness *out) {
-    const lg_machine_log *log = &given->data.logs.log;
+    const lg_machine_log *log = given->log;
     APP_FREE size_t *row = app_alloc(log->rows, sizeof *row);
     APP_FREE size_t *at = app_alloc(log->rows, sizeof *at);
     size_t count = 0;
@@ -239,7 +239,7 @@ void identify_balance(const app *self, const identify_given *given, double energ
     enum { MOST = 8192 };
     const lg_machine *machine = given->model.machine;
     const size_t nq = machine->positions, nv = machine->velocities;
-    const lg_machine_log *log = &given->data.logs.log;
+    const lg_machine_log *log = given->log;
     intervals all = {.count = 0};
     cut(machine, log, &all);
     const size_t count = all.count;

@@ -129,7 +129,7 @@ void identify_errors(const lg_machine_file *file, const double *q, const double 
 
 void identify_column_errors(const identify_given *given, const identify_runs *runs, double *out) {
     const lg_machine_file *file = &given->data.file;
-    const lg_machine_log *log = &given->data.logs.log;
+    const lg_machine_log *log = given->log;
     const double *q = runs->q, *v = runs->v;
     const size_t nq = file->machine.positions, nv = file->machine.velocities;
     double error[LG_LOG_COLUMNS];
@@ -217,7 +217,7 @@ void identify_warn_range(const app *self, const identify_given *given, const ide
     static const double tolerated = 0.02; /* Relative to the range; covers the noise of a log. */
     const lg_machine_range *range = &given->file.run.range;
     const lg_machine *machine = &given->data.file.machine;
-    const lg_machine_log *log = &given->data.logs.log;
+    const lg_machine_log *log = given->log;
     const size_t nq = machine->positions, nv = machine->velocities, total = nq + nv + machine->input_count;
     APP_FREE number *numbers = app_alloc(total, sizeof *numbers);
     name_numbers(&given->data.file, numbers);

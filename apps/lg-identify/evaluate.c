@@ -278,7 +278,7 @@ static void judge_horizons(const app *self, const identify_given *given, verdict
     static const double usual[] = {1, 2, 5};
     const lg_learned_machine *model = &given->model;
     const lg_machine *m = model->machine;
-    const lg_machine_log *log = &given->data.logs.log;
+    const lg_machine_log *log = given->log;
     APP_CLEAN(lg_started_log_destroy) lg_started_log simple = identify_slopes(self, model, log);
     APP_FREE double *start = app_alloc(log->rows * (m->positions + m->velocities), sizeof *start);
     linear_model linear = {model, start, .features = m->positions + m->velocities + m->input_count + 1};
@@ -346,7 +346,7 @@ static void judge_states(const app *self, const identify_given *given, verdict *
 
 static void judge_run(const app *self, const identify_given *given, verdict *out) {
     const lg_learned_machine *model = &given->model;
-    const lg_machine_log *log = &given->data.logs.log;
+    const lg_machine_log *log = given->log;
     out->runs = identify_runs_begin(model, log, 0);
     identify_run_log(self, model, log, &out->runs);
     if (values.relative) judge_relative(model->machine, log, out);
@@ -397,8 +397,7 @@ static void run(app *self) {
     verdict v = {.relative = NAN, .relative_worst = NAN};
     identify_load(self, values.substeps, values.start_rows, &given);
     const uint32_t window = values.window > 0 ? (uint32_t)values.window : given.file.run.window;
-    APP_MUST(self,
-             lg_machine_window_loss(&given.model, &given.data.logs.log, window, &v.window_loss, &error));
+    APP_MUST(self, lg_machine_window_loss(&given.model, given.log, window, &v.window_loss, &error));
     judge_run(self, &given, &v);
     identify_warn_range(self, &given, NULL);
     judge_horizons(self, &given, &v);

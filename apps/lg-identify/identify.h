@@ -20,6 +20,7 @@ void identify_read(const app *self, const lg_machine_sources *from, lg_machine_d
 typedef struct identify_given {
     lg_machine_model_file file;
     lg_machine_data data;
+    const lg_machine_log *log; /* data.logs.log */
     lg_learned_machine model;
 } identify_given;
 /* Reads model and logs. Ends the command if something cannot be read, if the log's velocities are momenta, or

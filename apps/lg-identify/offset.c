@@ -75,7 +75,7 @@ static sums add_runs(const lg_machine *machine, const lg_machine_log *log, const
 static void look_at(const app *self, const identify_given *given, pushed *p, const identify_runs *runs,
                     const lg_machine_offsets *at, identify_runs *with, identify_offset *out) {
     static const double growth = 1.7;
-    const lg_machine_log *log = &given->data.logs.log;
+    const lg_machine_log *log = given->log;
     const lg_machine *machine = given->model.machine;
     const uint32_t velocity = at->velocity;
     push(p, velocity, 1);
@@ -103,7 +103,7 @@ void identify_find_offsets(const app *self, const identify_given *given, const i
     APP_CLEAN(pushed_destroy) pushed p = {.model = {.machine = NULL}};
     memset(out, 0, LG_MACHINE_COORDINATES * sizeof *out);
     if (!pushed_create(self, given, &p)) return;
-    identify_runs with = identify_runs_begin(&given->model, &given->data.logs.log, 0);
+    identify_runs with = identify_runs_begin(&given->model, given->log, 0);
     for (lg_machine_offsets at = {0}; lg_machine_next(machine, &at);)
         if (at.positions == 1) /* a line or an angle */
             look_at(self, given, &p, runs, &at, &with, &out[at.index]);
@@ -130,7 +130,7 @@ size_t identify_lacking(const app *self, const identify_given *given, double **v
     APP_CLEAN(pushed_destroy) pushed p = {.model = {.machine = NULL}};
     *velocity = *force = NULL;
     if (machine->accelerations || !pushed_create(self, given, &p)) return 0;
-    slopes = identify_slopes(self, &given->model, &given->data.logs.log);
+    slopes = identify_slopes(self, &given->model, given->log);
     const lg_machine_log *log = &slopes.log;
     APP_FREE size_t *start = app_alloc(log->rows, sizeof *start);
     const size_t every = log->rows / MOST,

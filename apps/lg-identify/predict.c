@@ -31,7 +31,7 @@ enum { SAMPLES = 40 };
 /* The bands of the runs, from SAMPLES runs with parameters theta + W x, x of N(0, 1), where W is the model's
  * `spread`. */
 static void find_bands(const app *self, const identify_given *given, identify_runs *runs) {
-    const lg_machine_log *log = &given->data.logs.log;
+    const lg_machine_log *log = given->log;
     const lg_machine *machine = given->model.machine;
     const size_t n = machine->parameters, nq = machine->positions, nv = machine->velocities,
                  columns = given->data.file.column_count, numbers = log->rows * columns;
@@ -62,7 +62,7 @@ static void find_bands(const app *self, const identify_given *given, identify_ru
 /* ---- the prediction ---- */
 
 static void predict(const app *self, const identify_given *given, identify_runs *runs) {
-    const lg_machine_log *log = &given->data.logs.log;
+    const lg_machine_log *log = given->log;
     *runs = identify_runs_begin(&given->model, log, values.start);
     if (runs->count == 0)
         app_stop(self, LG_INVALID_ARGUMENT,

@@ -22,6 +22,7 @@ void identify_load(app *self, uint64_t substeps, uint64_t start_rows, identify_g
                                      .count = (size_t)self->argument_count - 1,
                                      .delay = run->estimated};
     identify_read(self, &from, &out->data);
+    out->log = &out->data.logs.log;
     APP_MUST(self, lg_machine_refuse_momenta(&out->data.file, path, &error));
     const bool estimated =
         out->data.file.measured == LG_MEASURED_POSITIONS || out->data.file.machine.accelerations;
