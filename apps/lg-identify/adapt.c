@@ -53,10 +53,10 @@ static void adapting_destroy(adapting *a) {
 /* The first row that is `seconds` of running time after the beginning. */
 static size_t find_cut(const lg_machine_log *log, double seconds) {
     double passed = 0;
-    for (size_t p = 0; p < log->parts; p++) {
-        for (size_t row = log->first[p]; row < log->first[p + 1]; row++)
-            if (passed + log->t[row] - log->t[log->first[p]] >= seconds * (1 - 1e-9)) return row;
-        passed += log->t[log->first[p + 1] - 1] - log->t[log->first[p]];
+    for (lg_log_part p = {0}; lg_log_next(log, &p);) {
+        for (size_t row = p.first; row < p.end; row++)
+            if (passed + log->t[row] - log->t[p.first] >= seconds * (1 - 1e-9)) return row;
+        passed += log->t[p.end - 1] - log->t[p.first];
     }
     return log->rows;
 }

@@ -56,8 +56,8 @@ typedef struct sums {
 static sums add_runs(const lg_machine *machine, const lg_machine_log *log, const double *q,
                      const double *with, const lg_machine_offsets *of) {
     sums out = {0};
-    for (size_t part = 0; part < log->parts; part++) {
-        const size_t first = log->first[part], rows = log->first[part + 1] - first;
+    for (lg_log_part part = {0}; lg_log_next(log, &part);) {
+        const size_t first = part.first, rows = part.end - first;
         for (size_t i = 0; i < rows; i++) {
             const size_t at = (first + i) * machine->positions + of->position;
             const double off = q[at] - log->q[at], moved = with[at] - q[at],

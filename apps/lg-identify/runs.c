@@ -79,8 +79,8 @@ identify_runs identify_runs_begin(const lg_learned_machine *model, const lg_mach
     identify_runs out = {.start = app_keep(log->parts, sizeof *out.start),
                          .q = app_keep(log->rows * model->machine->positions, sizeof *out.q),
                          .v = app_keep(log->rows * model->machine->velocities, sizeof *out.v)};
-    for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p] + from; row + 1 < log->first[p + 1]; row++) {
+    for (lg_log_part p = {0}; lg_log_next(log, &p);)
+        for (size_t row = p.first + from; row + 1 < p.end; row++) {
             if (!lg_machine_log_complete(model->machine, log, row, model->start_rows > 0)) continue;
             out.start[out.count++] = row;
             break;

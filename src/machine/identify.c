@@ -193,8 +193,7 @@ lg_fit_errors lg_machine_errors(const lg_context *context, const lg_machine_prob
         const lg_coordinate_kind kind = machine->coordinates[all.each[i % all.seen].coordinate].kind;
         s.worth[i] = kind == LG_COORDINATE_DIRECTION ? 2.0 / 3.0 : 1.0;
     }
-    for (size_t p = 0; p < log->parts; p++)
-        s.seconds += log->t[log->first[p + 1] - 1] - log->t[log->first[p]];
+    for (lg_log_part p = {0}; lg_log_next(log, &p);) s.seconds += log->t[p.end - 1] - log->t[p.first];
     return s;
 }
 

@@ -42,6 +42,12 @@ typedef struct lg_machine_offsets {
  * is one. */
 LG_API bool lg_machine_next(const lg_machine *machine, lg_machine_offsets *at);
 LG_API lg_machine_offsets lg_machine_offsets_of(const lg_machine *machine, uint32_t coordinate);
+/* The rows first .. end - 1 of a part of a log. lg_log_next goes from {0} to the first part and on to the
+ * next one; returns whether there is one. */
+typedef struct lg_log_part {
+    size_t first, end, next;
+} lg_log_part;
+LG_API bool lg_log_next(const lg_machine_log *log, lg_log_part *at);
 /* Goes from NULL to the first term of the part (LG_MACHINE_PART_COUNT: of any part) and on to the next one;
  * returns whether there is one. */
 LG_API bool lg_machine_next_term(const lg_machine *machine, lg_machine_part part,

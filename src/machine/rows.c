@@ -5,6 +5,13 @@
 #include "liegrad/geometry.h"
 #include "machine/internal.h"
 
+bool lg_log_next(const lg_machine_log *log, lg_log_part *at) {
+    if (at->next == log->parts) return false;
+    at->first = log->first[at->next++];
+    at->end = log->first[at->next];
+    return true;
+}
+
 size_t lg_machine_log_part(const lg_machine_log *log, size_t row) {
     size_t low = 0;
     for (size_t step = log->parts; step > 0; step /= 2)

@@ -29,8 +29,8 @@ static double root(const lg_squares *s) {
 static void measure_motion(const lg_machine *plain, const lg_machine_log *log, moments *out) {
     lg_squares velocity[LG_MACHINE_COORDINATES] = {{0, 0}}, acceleration[LG_MACHINE_VELOCITIES] = {{0, 0}};
     double before[LG_MACHINE_VELOCITIES] = {0}, q[LG_MACHINE_POSITIONS], v[LG_MACHINE_VELOCITIES];
-    for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row++) {
+    for (lg_log_part p = {0}; lg_log_next(log, &p);)
+        for (size_t row = p.first; row + 1 < p.end; row++) {
             lg_machine_scaled_rows(plain, log, &row, 1, q, v);
             for (lg_machine_offsets at = {0}; lg_machine_next(plain, &at);) {
                 for (uint32_t k = at.velocity; k < at.velocity + at.velocities; k++)
@@ -38,7 +38,7 @@ static void measure_motion(const lg_machine *plain, const lg_machine_log *log, m
             }
             for (uint32_t k = 0; k < plain->velocities; k++) {
                 if (isfinite(v[k])) out->fastest[k] = fmax(out->fastest[k], fabs(v[k]));
-                if (row > log->first[p])
+                if (row > p.first)
                     lg_squares_add(&acceleration[k], (v[k] - before[k]) / (log->t[row] - log->t[row - 1]));
                 before[k] = v[k];
             }
@@ -179,10 +179,10 @@ static void set_lags(lg_machine_scales *s, const lg_machine_log *log) {
     static const double part = 0.2, least = 10.0;
     double sum = 0.0, longest = 0.0;
     size_t steps = 0; /* not 0, because something moves in the log */
-    for (size_t p = 0; p < log->parts; p++) {
-        const double length = log->t[log->first[p + 1] - 1] - log->t[log->first[p]];
+    for (lg_log_part p = {0}; lg_log_next(log, &p);) {
+        const double length = log->t[p.end - 1] - log->t[p.first];
         sum += length;
-        steps += log->first[p + 1] - log->first[p] - 1;
+        steps += p.end - p.first - 1;
         longest = fmax(longest, length);
     }
     s->lag[0] = part * sum / (double)steps;

@@ -21,10 +21,10 @@ size_t lg_machine_windows(const lg_machine *machine, const lg_machine_log *log, 
                           uint32_t stride, bool positions_only, size_t *out) {
     const size_t covered = stride > window ? stride : window;
     size_t count = 0;
-    for (size_t p = 0; p < log->parts; p++) {
-        size_t before = log->first[p], first = before, most = SIZE_MAX;
-        if (log->first[p + 1] < before + window) continue;
-        const size_t end = log->first[p + 1] - window + 1;
+    for (lg_log_part p = {0}; lg_log_next(log, &p);) {
+        size_t before = p.first, first = before, most = SIZE_MAX;
+        if (p.end < before + window) continue;
+        const size_t end = p.end - window + 1;
         for (;;) {
             const size_t row = next_start(machine, log, positions_only, before, first, most, end);
             if (row == end) break;

@@ -195,8 +195,8 @@ double lg_log_change(const lg_machine *machine, const lg_machine_log *log, size_
     enum { MOST = 20000 };
     const size_t every = log->rows / MOST + 1;
     lg_squares s = {0, 0};
-    for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p]; row + lag < log->first[p + 1]; row += every)
+    for (lg_log_part p = {0}; lg_log_next(log, &p);)
+        for (size_t row = p.first; row + lag < p.end; row += every)
             lg_squares_add(&s,
                            lg_log_number(machine, log, row + lag, i) - lg_log_number(machine, log, row, i));
     return s.sum / (double)s.count;

@@ -82,8 +82,8 @@ static void pass(const lg_machine *machine, const lg_machine_log *log, regressio
     double y[LG_MACHINE_VELOCITIES];
     const size_t every = r->linear ? 1 : log->rows / MOST_ROWS + 1;
     r->rows = 0;
-    for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p]; row + 1 < log->first[p + 1]; row += every)
+    for (lg_log_part p = {0}; lg_log_next(log, &p);)
+        for (size_t row = p.first; row + 1 < p.end; row += every)
             if (interval(machine, log, r->linear, row, r->x, y)) add(r, y);
 }
 

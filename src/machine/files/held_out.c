@@ -37,9 +37,8 @@ static void place_windows(const lg_machine *machine, const lg_machine_log *log, 
     const size_t before = out->before;
     double tile = floor(every / 2);
     out->count = 0;
-    for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p] + before + LG_HELD_OUT_DELAY; row + out->steps < log->first[p + 1];
-             row += out->steps) {
+    for (lg_log_part p = {0}; lg_log_next(log, &p);)
+        for (size_t row = p.first + before + LG_HELD_OUT_DELAY; row + out->steps < p.end; row += out->steps) {
             if (fmod(tile++, every) >= 1 ||
                 !lg_machine_log_complete(machine, log, row - before, out->estimated))
                 continue;

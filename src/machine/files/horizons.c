@@ -108,10 +108,9 @@ size_t lg_log_starts(const lg_machine *machine, const lg_machine_log *log, size_
     const bool estimated = start_rows > 0;
     const size_t before = estimated ? start_rows - 1 : 0;
     size_t count = 0;
-    for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p]; row + steps < log->first[p + 1]; row += every)
-            if (row >= log->first[p] + before &&
-                lg_machine_log_complete(machine, log, row - before, estimated) &&
+    for (lg_log_part p = {0}; lg_log_next(log, &p);)
+        for (size_t row = p.first; row + steps < p.end; row += every)
+            if (row >= p.first + before && lg_machine_log_complete(machine, log, row - before, estimated) &&
                 lg_machine_log_complete(machine, log, row, estimated) &&
                 (!ended || lg_machine_log_complete(machine, log, row + steps, false)))
                 out[count++] = row;
@@ -122,11 +121,10 @@ size_t lg_log_starts(const lg_machine *machine, const lg_machine_log *log, size_
  * or no part has two rows. */
 static size_t most_steps(const lg_machine_log *log, double seconds) {
     size_t most = 0;
-    for (size_t p = 0; p < log->parts; p++) {
-        size_t end = log->first[p];
-        for (size_t row = log->first[p]; row < log->first[p + 1]; row++) {
-            while (end + 1 < log->first[p + 1] && log->t[end + 1] - log->t[row] <= seconds * (1 + 1e-9))
-                end++;
+    for (lg_log_part p = {0}; lg_log_next(log, &p);) {
+        size_t end = p.first;
+        for (size_t row = p.first; row < p.end; row++) {
+            while (end + 1 < p.end && log->t[end + 1] - log->t[row] <= seconds * (1 + 1e-9)) end++;
             if (end - row > most) most = end - row;
         }
     }

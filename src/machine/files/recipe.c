@@ -44,8 +44,8 @@ static void close_data(lg_training *self) {
 /* Rows of the longest part. */
 size_t lg_log_longest_part(const lg_machine_log *log) {
     size_t longest = 0;
-    for (size_t p = 0; p < log->parts; p++)
-        if (log->first[p + 1] - log->first[p] > longest) longest = log->first[p + 1] - log->first[p];
+    for (lg_log_part p = {0}; lg_log_next(log, &p);)
+        if (p.end - p.first > longest) longest = p.end - p.first;
     return longest;
 }
 
@@ -57,8 +57,8 @@ static uint32_t window_of_parts(const lg_machine_log *log, uint32_t wanted) {
     for (uint32_t window = longest >= 2 && longest < wanted ? (uint32_t)longest : wanted;;
          window -= (window + 3) / 4) {
         size_t covered = 0;
-        for (size_t p = 0; p < log->parts; p++) {
-            const size_t rows = log->first[p + 1] - log->first[p];
+        for (lg_log_part p = {0}; lg_log_next(log, &p);) {
+            const size_t rows = p.end - p.first;
             if (rows >= window) covered += rows;
         }
         if (4 * covered >= 3 * log->rows || window <= SHORT) return window;
@@ -69,8 +69,8 @@ static uint32_t window_of_parts(const lg_machine_log *log, uint32_t wanted) {
 static double bend(const lg_machine *machine, const lg_machine_log *log, uint32_t k, size_t rows) {
     double squares = 0;
     size_t all = 0;
-    for (size_t p = 0; p < log->parts; p++)
-        for (size_t first = log->first[p]; first + rows <= log->first[p + 1]; first += rows) {
+    for (lg_log_part p = {0}; lg_log_next(log, &p);)
+        for (size_t first = p.first; first + rows <= p.end; first += rows) {
             double n = 0, t = 0, x = 0, tt = 0, tx = 0, xx = 0;
             const double origin = log->q[first * machine->positions + k];
             for (size_t row = first; row < first + rows; row++) {

@@ -73,9 +73,9 @@ lg_status lg_machine_smooth(const lg_context *context, const lg_machine *machine
     double *q = out->q, *v = out->v;
     memcpy(q, log->q, log->rows * machine->positions * sizeof *q);
     for (size_t i = 0; i < log->rows * machine->velocities; i++) v[i] = NAN;
-    for (size_t p = 0; p < log->parts; p++)
-        for (size_t row = log->first[p]; row < log->first[p + 1]; row++) {
-            const size_t begin = log->first[p], end = log->first[p + 1] - 1;
+    for (lg_log_part p = {0}; lg_log_next(log, &p);)
+        for (size_t row = p.first; row < p.end; row++) {
+            const size_t begin = p.first, end = p.end - 1;
             const size_t first = row - begin > half ? row - half : begin,
                          last = end - row > half ? row + half : end;
             if (last > first)
