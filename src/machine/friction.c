@@ -52,31 +52,36 @@ static lg_var block(const lg_term_at *r, uint32_t index) {
     return lg_reshape(r->tape, lg_slice(r->tape, r->theta, 0, first, r->n), lg_shape2(1, r->n));
 }
 
+static lg_var row_of(const lg_term_at *r, const double *numbers) {
+    return lg_input_f64(r->tape, lg_shape2(1, r->n), numbers);
+}
+
 /* Block `index` of the values, with the coefficients as block 0, divided by `unit`. */
 static lg_var known(const lg_term_at *r, uint32_t index, const double *unit) {
     double scaled[LG_MACHINE_VELOCITIES];
     for (uint32_t k = 0; k < r->n; k++) scaled[k] = r->term->values[index * r->n + k] / unit[k];
-    return lg_input_f64(r->tape, lg_shape2(1, r->n), scaled);
-}
-
-static lg_var row_of(const lg_term_at *r, const double *numbers) {
-    return lg_input_f64(r->tape, lg_shape2(1, r->n), numbers);
+    return row_of(r, scaled);
 }
 
 static void units(const lg_term_at *r, int power, double *out) {
     for (uint32_t k = 0; k < r->n; k++) out[k] = unit_of(r->machine, k, power);
 }
 
+/* The same of forces, divided by the speed to the given power. */
+static lg_var known_force(const lg_term_at *r, uint32_t index, int power) {
+    double unit[LG_MACHINE_VELOCITIES];
+    units(r, power, unit);
+    return known(r, index, unit);
+}
+
 /* The coefficients of the friction that the term changes, (1, n). */
 static lg_var coefficients(const lg_term_at *r, int power) {
-    double unit[LG_MACHINE_VELOCITIES];
     const lg_machine_term *base = lg_machine_base(r->machine, r->term);
     if (base != NULL) {
         const lg_term_at of = lg_term_at_of(r->tape, r->vars, base, r->seen);
         return lg_machine_record_drag(&of, power);
     }
-    units(r, power, unit);
-    if (r->term->value_count > 0) return known(r, 0, unit);
+    if (r->term->value_count > 0) return known_force(r, 0, power);
     return lg_exp(r->tape, lg_reshape(r->tape, lg_slice(r->tape, r->theta, 0, 0, r->n), lg_shape2(1, r->n)));
 }
 
@@ -170,11 +175,6 @@ uint32_t lg_machine_find_sticking(const lg_machine *machine) {
     return found;
 }
 
-/* 1/(1 + e^-x). */
-static lg_var share_of(const lg_term_at *r, lg_var x) {
-    return lg_act(r->tape, x, LG_SIGMOID);
-}
-
 /* ---- asymmetric: -(b v + d (sqrt(v^2 + w^2) - w)), d = b tanh y; without a width -(b + d S) v ---- */
 
 /* |v|, rounded if there is a width. */
@@ -189,9 +189,7 @@ static lg_var speed_size(const lg_term_at *r) {
 }
 
 static lg_var difference(const lg_term_at *r, lg_var b) {
-    double unit[LG_MACHINE_VELOCITIES];
-    units(r, 1, unit);
-    return r->term->value_count > 0 ? known(r, 1, unit)
+    return r->term->value_count > 0 ? known_force(r, 1, 1)
                                     : lg_mul(r->tape, b, lg_act(r->tape, block(r, 0), LG_TANH));
 }
 
@@ -229,16 +227,14 @@ static lg_var stribeck_speed(const lg_term_at *r) {
         range[k] = log(high / low);
     }
     if (r->term->value_count > 0) return known(r, 2, unit);
-    const lg_var above = lg_mul(r->tape, row_of(r, range), share_of(r, block(r, 1)));
+    const lg_var above = lg_mul(r->tape, row_of(r, range), lg_act(r->tape, block(r, 1), LG_SIGMOID));
     return lg_mul(r->tape, row_of(r, start), lg_exp(r->tape, above));
 }
 
 /* cs - c. */
 static lg_var breakaway(const lg_term_at *r, lg_var c) {
-    double unit[LG_MACHINE_VELOCITIES];
-    units(r, 0, unit);
-    return r->term->value_count > 0 ? lg_sub(r->tape, known(r, 1, unit), c)
-                                    : lg_mul(r->tape, c, lg_scale(r->tape, share_of(r, block(r, 0)), 2.0));
+    if (r->term->value_count > 0) return lg_sub(r->tape, known_force(r, 1, 0), c);
+    return lg_mul(r->tape, c, lg_scale(r->tape, lg_act(r->tape, block(r, 0), LG_SIGMOID), 2.0));
 }
 
 /* e^(-(v/vs)^2). */
@@ -265,7 +261,8 @@ static lg_var stiffness(const lg_term_at *r) {
                                              : r->machine->scales.velocity[k] /
                                                    (r->machine->scales.fastest[k] * r->machine->scales.time);
     if (r->term->value_count > 0) return known(r, 3, number);
-    const lg_var most = lg_exp(r->tape, lg_scale(r->tape, share_of(r, block(r, 2)), deflections));
+    const lg_var share = lg_act(r->tape, block(r, 2), LG_SIGMOID),
+                 most = lg_exp(r->tape, lg_scale(r->tape, share, deflections));
     return lg_mul(r->tape, coefficients(r, 0), lg_mul(r->tape, row_of(r, number), most));
 }
 
@@ -287,14 +284,12 @@ enum { SLIDING, MORE, SPEED, SPRING, DAMPER };
 
 void lg_machine_bind_bristles(lg_tape *tape, lg_machine_vars *vars) {
     const lg_term_at r = bristles_of(tape, vars);
-    double unit[LG_MACHINE_VELOCITIES];
-    units(&r, 1, unit);
     lg_var *b = vars->bristles;
     b[SLIDING] = coefficients(&r, 0);
     b[MORE] = breakaway(&r, b[SLIDING]);
     b[SPEED] = stribeck_speed(&r);
     b[SPRING] = stiffness(&r);
-    b[DAMPER] = r.term->value_count > 0 ? known(&r, 4, unit) : lg_exp(tape, block(&r, 3));
+    b[DAMPER] = r.term->value_count > 0 ? known_force(&r, 4, 1) : lg_exp(tape, block(&r, 3));
 }
 
 /* g(v) */
@@ -385,18 +380,14 @@ static lg_var loads_of(const lg_term_at *r) {
     return lg_is_none(loads) ? loads : lg_abs(r->tape, loads);
 }
 
-/* Scaled units of the loads or positions, and of the potential's force on velocity k. */
-static double feature_unit(const lg_term_at *r, const double *scales, uint32_t feature, uint32_t k) {
-    return r->term->of_count > 0 ? scales[feature] : unit_of(r->machine, k, 0);
-}
-
 /* c, then k of each feature. */
 static lg_var factor_at(const lg_term_at *r, uint32_t index, double *unit) {
     double scales[LG_MACHINE_FEATURE_NUMBERS];
     units(r, 0, unit);
     if (index == 0) return coefficients(r, 0);
     if (r->term->of_count > 0) (void)lg_machine_feature_scales(r->machine, r->term, scales);
-    for (uint32_t k = 0; k < r->n; k++) unit[k] = 1.0 / feature_unit(r, scales, index - 1, k);
+    /* Scaled units of the loads or positions, and of the potential's force on velocity k. */
+    for (uint32_t k = 0; k < r->n; k++) unit[k] = 1.0 / (r->term->of_count > 0 ? scales[index - 1] : unit[k]);
     return r->term->value_count > 0 ? known(r, index, unit) : block(r, index - 1);
 }
 

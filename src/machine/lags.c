@@ -36,9 +36,7 @@ void lg_lag_weights_at(double z, lg_lag_weights *out) {
     for (int j = 1; j < 4; j++) {
         double *g = out->g[j];
         g[0] = z < small ? series(z, j) : 1.0 - j / z * before[0];
-        g[1] = -j * (before[0] - g[0]);
-        g[2] = -j * (before[1] - g[1]);
-        g[3] = -j * (before[2] - g[2]);
+        for (int d = 1; d < 4; d++) g[d] = -j * (before[d - 1] - g[d - 1]);
         before = g;
     }
 }
