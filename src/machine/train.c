@@ -135,27 +135,17 @@ static lg_var across(lg_tape *tape, const lg_machine *machine, lg_var r, lg_var 
     return lg_sub(tape, r, lg_mul(tape, dots, along));
 }
 
-/* What the logs show of the velocities of the states `all`, joined points. */
-static lg_var shown(lg_tape *tape, const points *p, const lg_machine_vars *vars, const lg_var *all) {
-    return lg_machine_record_shown(tape, vars, &p->problem->log, p->used, (uint32_t)(p->count * p->many),
-                                   all);
-}
-
 /* Weighted differences of each window between predicted states `all` and data, (count, numbers). */
 static lg_var differences(lg_tape *tape, const points *p, const lg_machine_vars *vars, const given *data,
                           const lg_var *all) {
     const lg_var positions = lg_machine_record_positions(tape, vars, all),
-                 velocities = shown(tape, p, vars, all);
+                 velocities = lg_machine_record_shown(tape, vars, &p->problem->log, p->used,
+                                                      (uint32_t)(p->count * p->many), all);
     const lg_var of_v = lg_mul(tape, lg_sub(tape, velocities, data->velocities), data->velocity_weights);
     const lg_var r[2] = {
         by_window(tape, p, lg_mul(tape, lg_sub(tape, positions, data->positions), data->position_weights)),
         by_window(tape, p, across(tape, p->problem->machine, of_v, data->along))};
     return lg_concat(tape, r, 2, 1);
-}
-
-/* Factor of the residuals r that makes the sum of r^2 over a batch the mean loss of the batch. */
-static double factor_of(const points *p, size_t batch) {
-    return 1.0 / sqrt((double)batch * (double)p->many);
 }
 
 static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples,
@@ -168,7 +158,8 @@ static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const 
     given data;
     LG_TRY(begin(tape, problem, theta, samples, count, &p, &vars, &flow));
     LG_TRY(predict_joined(tape, &p, &flow, theta, all));
-    LG_TRY(put_given(tape, &p, factor_of(&p, batch), &data));
+    /* The factor of the residuals r makes the sum of r^2 over a batch the mean loss of the batch. */
+    LG_TRY(put_given(tape, &p, 1.0 / sqrt((double)batch * (double)p.many), &data));
     *r = differences(tape, &p, &vars, &data, all);
     if (lg_machine_problem_priors(problem) > 0) {
         const double weight = lg_machine_prior_weight(problem, batch);

@@ -52,6 +52,7 @@ struct check {
     bool turns;                   /* y is a change of attitude */
     bool steady;                  /* correlation and slope are about 0, not about the means */
     bool overlap;                 /* a span begins every quarter of a span: long spans are few */
+    lg_name_list q, v;            /* the names of the position's and of the velocity's columns */
     /* The velocity x in a row that should make the change of position. */
     void (*velocity_of)(const check *c, const double *row, double *x);
 };
@@ -267,15 +268,12 @@ static lg_status wrong_slope(const check *c, const fit *f, bool sure) {
     const lg_log_column *columns = c->table->machine->columns, *at = &columns[c->position],
                         *time = &columns[c->table->machine->time];
     const bool degrees = is_angle(c) && is_near(c, fabs(f->slope), DEGREE, 0.05);
-    lg_name_list q, v;
     char scale[3 * LG_LOG_NAME + 300] = "", text[sizeof c->table->error->message];
-    lg_log_names_of(c->table, c->position, c->positions, &q);
-    lg_log_names_of(c->table, c->velocity, c->velocities, &v);
     if (c->positions == 1 && is_angle(c) && is_near(c, fabs(f->slope), 1 / DEGREE, 0.05))
         return lg_fail(c->table->error, LG_FORMAT,
                        "%s: column %s: it moves %.4g times as fast as column %s says: if it is in degrees, "
                        "set scale: {%s: %.6g}",
-                       path_of(c), q.text, f->slope, v.text, q.text,
+                       path_of(c), c->q.text, f->slope, c->v.text, c->q.text,
                        (f->slope < 0 ? -DEGREE : DEGREE) * at->scale);
     for (uint32_t i = c->velocity; i < c->velocity + c->velocities; i++)
         lg_append(scale, sizeof scale, "%s%s: %.6g", i > c->velocity ? ", " : "{", columns[i].name,
@@ -289,7 +287,7 @@ static lg_status wrong_slope(const check *c, const fit *f, bool sure) {
     const char *fault = degrees ? "velocity is in degrees" : f->slope < 0 ? "sign is wrong" : "unit is wrong";
     (void)lg_format(text, sizeof text,
                     "%s: column%s %s: the rate of %s is %.4g times %s: if the %s, set scale: %s", path_of(c),
-                    c->velocities > 1 ? "s" : "", v.text, q.text, f->slope, v.text, fault, scale);
+                    c->velocities > 1 ? "s" : "", c->v.text, c->q.text, f->slope, c->v.text, fault, scale);
     if (sure || degrees || f->slope < 0) return lg_fail(c->table->error, LG_FORMAT, "%s", text);
     lg_log_warn(c->table, "%s", text);
     return LG_OK;
@@ -451,7 +449,8 @@ static lg_status judge(check *c) {
     size_t span = 1;
     fit f = {0};
     char hint[LG_LOG_NAME + 20] = "", columns[LG_LOG_SENTENCE];
-    lg_name_list q, v;
+    lg_log_names_of(c->table, c->position, c->positions, &c->q);
+    lg_log_names_of(c->table, c->velocity, c->velocities, &c->v);
     c->steady = !find_span(c, &span, &f);
     const bool seen = !c->steady || find_span(c, &span, &f);
     if (!seen && (is_coarse(c, c->position, c->positions) || is_coarse(c, c->velocity, c->velocities)))
@@ -467,9 +466,7 @@ static lg_status judge(check *c) {
     const bool clear =
         !fits && better == 0 && hint[0] == '\0' && clear_longer(c, &span, &f, hint, sizeof hint);
     if (clear) better = better_reading(c, span, &f);
-    lg_log_names_of(c->table, c->position, c->positions, &q);
-    lg_log_names_of(c->table, c->velocity, c->velocities, &v);
-    (void)lg_format(columns, sizeof columns, "%s: columns %s and %s", path_of(c), q.text, v.text);
+    (void)lg_format(columns, sizeof columns, "%s: columns %s and %s", path_of(c), c->q.text, c->v.text);
     if (better != 0) return refuse_reading(c, columns, better);
     if ((fits || clear) && slope_is_wrong(&f))
         return wrong_slope(c, &f, fits || (seen && first.correlation < UNRELATED));

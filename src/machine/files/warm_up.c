@@ -351,10 +351,6 @@ static lg_status fit_some(lg_training *self, lg_machine_problem *problem, uint64
     return fit_stage(self, problem, epochs, WINDOWS_SHARE, theta, error);
 }
 
-static lg_status fit_problem(lg_training *self, lg_machine_problem *problem, double *theta, lg_error *error) {
-    return fit_some(self, problem, STAGE_EPOCHS, theta, error);
-}
-
 /* Enlarges the position scale of a coordinate whose positions are predicted much worse, in units of their
  * scale, than its velocities (logs of another program's integrator, a sensor with a lag): both errors then
  * count alike. *changed: a scale was enlarged. */
@@ -411,7 +407,7 @@ static lg_status scan(lg_training *self, lg_machine_problem *problem, size_t cou
         lg_machine_problem each = *problem;
         memcpy(own, theta, n * sizeof *own);
         (void)set(problem->machine, i, own);
-        LG_TRY(fit_problem(self, &each, own, error));
+        LG_TRY(fit_some(self, &each, STAGE_EPOCHS, own, error));
         LG_TRY(lg_machine_loss(self->context, problem, own, &loss, NULL, error));
         losses[i] = isfinite(loss) ? loss : 0;
         if (!(loss < best)) continue;
@@ -510,7 +506,7 @@ static lg_status fit_accelerations(lg_training *self, const lg_machine *machine,
     problem.machine = machine;
     problem.starts = LG_MACHINE_STARTS_MEASURED;
     problem.window = 2;
-    LG_TRY(fit_problem(self, &problem, theta, error));
+    LG_TRY(fit_some(self, &problem, STAGE_EPOCHS, theta, error));
     for (uint32_t part = 2; part > 0; part--) {
         problem = s->problem;
         problem.machine = machine;
@@ -545,7 +541,7 @@ static lg_status fit_windows(lg_training *self, const lg_machine *machine, doubl
     LG_TRY(scan_lags(self, &of_lags, theta, error));
     for (int round = 0; round < ROUNDS && changed; round++) {
         problem = short_windows(self, machine, s->noisy ? 5 : 2);
-        LG_TRY(fit_problem(self, &problem, theta, error));
+        LG_TRY(fit_some(self, &problem, STAGE_EPOCHS, theta, error));
         LG_TRY(balance(self, machine, theta, &changed, error));
     }
     return scan_bristles(self, machine, theta, error);
