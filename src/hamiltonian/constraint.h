@@ -49,10 +49,9 @@ typedef struct lg_constraint_work {
 lg_status lg_constraint_begin(const lg_constraint *constraint, double size, const double *q,
                               lg_constraint_work *work, lg_error *error);
 void lg_constraint_end(lg_constraint_work *work);
-/* Set work->g, work->G at q. */
-void lg_constraint_value(lg_constraint_work *work, const double *q);
+/* Sets work->G at q. */
 void lg_constraint_normals(lg_constraint_work *work, const double *q);
-/* The view of q at which g and G are known. */
+/* The view of q; sets work->g and work->G there. */
 lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_constraint_view *out,
                                 lg_error *error);
 /* x -= G^T (G K G^T)^-1 G K x with G of the work and K (n, n); NULL: the unit matrix. False: singular. */

@@ -39,7 +39,8 @@ void lg_constraint_end(lg_constraint_work *work) {
     lg_free(work->of->context, work->plans);
 }
 
-void lg_constraint_value(lg_constraint_work *work, const double *q) {
+/* Sets work->g at q. */
+static void value_at(lg_constraint_work *work, const double *q) {
     lg_plan_eval(work->of->g, (const void *[]){q}, (void *[]){work->g}, work->plans);
 }
 
@@ -151,6 +152,8 @@ lg_status lg_constraint_view_of(lg_constraint_work *work, const double *q, lg_co
     const size_t n = work->of->n, m = work->of->m;
     double step[MOST];
     *out = (lg_constraint_view){.off = INFINITY};
+    value_at(work, q);
+    lg_constraint_normals(work, q);
     if (!lg_all_finite(m, work->g) || !lg_all_finite(m * n, work->G))
         return lg_fail(error, LG_NOT_FINITE, "the constraint or its Jacobian is not finite at %s",
                        lg_constraint_show(work->of, q).text);
@@ -177,8 +180,6 @@ lg_status lg_constraint_look(const lg_constraint *constraint, double size, const
     LG_CLEAN(lg_constraint_end) lg_constraint_work work = {.of = constraint};
     double p[MOST], whole = lg_matrix_norm(n, state + n);
     LG_TRY(lg_constraint_begin(constraint, size, state, &work, error));
-    lg_constraint_value(&work, state);
-    lg_constraint_normals(&work, state);
     LG_TRY(lg_constraint_view_of(&work, state, out, error));
     memcpy(p, state + n, n * sizeof *p);
     if (!(whole > 0.0)) return LG_OK;
@@ -196,7 +197,7 @@ bool lg_constraint_land(lg_constraint_work *work, const double *W, const double 
     bool done = false;
     memset(impulse, 0, n * sizeof *impulse);
     for (int i = 0; i < LONGEST && !done; i++) {
-        lg_constraint_value(work, q);
+        value_at(work, q);
         lg_constraint_normals(work, q);
         if (along_normals(work, F, W, NULL, along) == 0) return false;
         if (W != NULL) lg_matrix_multiply(n, 1, n, W, along, step);
@@ -225,13 +226,10 @@ lg_status lg_constraint_project(const lg_constraint *constraint, double size, do
     memcpy(moved, state, 2 * n * sizeof *moved);
     LG_TRY(lg_constraint_begin(constraint, size, state, &work, error));
     if (!lg_constraint_land(&work, NULL, NULL, moved, impulse)) {
-        lg_constraint_value(&work, state);
-        lg_constraint_normals(&work, state);
         LG_TRY(lg_constraint_view_of(&work, state, &view, error)); /* the rank may be the reason */
         return lg_fail(error, LG_NO_CONVERGENCE, "Newton's method finds no point with g(q) = 0 from %s",
                        lg_constraint_show(constraint, state).text);
     }
-    lg_constraint_value(&work, moved);
     LG_TRY(lg_constraint_view_of(&work, moved, &view, error));
     (void)lg_constraint_clear(&work, NULL, moved + n); /* the rank is high enough */
     memcpy(state, moved, 2 * n * sizeof *state);

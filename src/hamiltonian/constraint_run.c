@@ -95,8 +95,6 @@ static lg_status run(rattle *s, int order, double h, size_t steps, size_t every,
                      lg_error *error) {
     const lg_constraint *c = s->work.of;
     lg_constraint_view view;
-    lg_constraint_normals(&s->work, s->q);
-    lg_constraint_value(&s->work, s->q);
     LG_TRY(lg_constraint_view_of(&s->work, s->q, &view, error));
     if (!lg_constraint_clear(&s->work, c->inverse, s->u))
         return lg_fail(error, LG_FORMAT, "the constraint is singular at %s",
