@@ -34,7 +34,7 @@ bool lg_machine_next(const lg_machine *machine, lg_machine_offsets *at) {
                                .places = row->places,
                                .directions = row->directions,
                                .rotations = row->rotations,
-                               .positions = row->places + 3 * row->directions + 9 * row->rotations,
+                               .positions = more ? lg_coordinate_positions(kind) : 0,
                                .velocities = row->velocities,
                                .index = at->next,
                                .next = at->next + 1,

@@ -60,11 +60,15 @@ static uint32_t links_of(const lg_machine *machine) {
     return machine->grey.system->count == 0 ? machine->coordinate_count : 0;
 }
 
+static size_t numbers_of(const lg_machine *machine, const lg_parameter_entry *entry) {
+    return lg_parameter_numbers(entry, links_of(machine));
+}
+
 /* Offset of an entry's first number among all numbers of the system; for NULL the count of all numbers. */
 static uint32_t place_of(const lg_machine *machine, const lg_parameter_entry *entry) {
     uint32_t at = 0;
     const lg_parameter_entry *p = machine->grey.system->parameters;
-    for (; p->key != NULL && p != entry; p++) at += (uint32_t)lg_parameter_numbers(p, links_of(machine));
+    for (; p->key != NULL && p != entry; p++) at += (uint32_t)numbers_of(machine, p);
     return at;
 }
 
@@ -84,7 +88,7 @@ static double fallback_of(const lg_parameter_entry *p, size_t i, bool unknown) {
 static lg_status check_entry(const lg_machine *machine, const lg_parameter_entry *p, lg_error *error) {
     const lg_machine_grey *grey = &machine->grey;
     const uint32_t at = place_of(machine, p);
-    const size_t n = lg_parameter_numbers(p, links_of(machine));
+    const size_t n = numbers_of(machine, p);
     size_t unknown = 0;
     for (size_t i = at; i < at + n; i++) unknown += grey->unknown[i];
     for (size_t i = at; i < at + n; i++)
@@ -124,7 +128,7 @@ lg_status lg_machine_set_parameter(lg_machine *machine, const char *key, size_t 
     if (system == NULL)
         return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has no system, so it has no parameters");
     LG_TRY(lg_parameter_find(system->name, system->parameters, key, &p, error));
-    const size_t n = lg_parameter_numbers(p, links_of(machine));
+    const size_t n = numbers_of(machine, p);
     if (count != 0 && count != n)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: %zu number%s given, %zu%s expected", key, count,
                        count == 1 ? " is" : "s are", n, n == 1 ? " is" : " are");
@@ -150,8 +154,7 @@ lg_status lg_machine_bound_parameter(lg_machine *machine, const char *key, size_
         return lg_fail(error, LG_INVALID_ARGUMENT, "the machine has no system, so it has no parameters");
     LG_TRY(lg_parameter_find(grey->system->name, grey->system->parameters, key, &p, error));
     const size_t at = place_of(machine, p) + index;
-    if (index >= lg_parameter_numbers(p, links_of(machine)) || !grey->unknown[at] ||
-        p->rule == LG_PARAMETER_UNIT_VECTOR)
+    if (index >= numbers_of(machine, p) || !grey->unknown[at] || p->rule == LG_PARAMETER_UNIT_VECTOR)
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: only an unknown number has bounds or a prior", key);
     if (low != high && !(low < grey->start[at] && grey->start[at] < high))
         return lg_fail(error, LG_INVALID_ARGUMENT, "%s: the start must be inside of its bounds", key);
@@ -205,8 +208,7 @@ static void map_entry(const lg_machine_grey *grey, const lg_parameter_entry *p, 
 
 static void map_all(const lg_machine *machine, mapping *m) {
     const lg_parameter_entry *p = machine->grey.system->parameters;
-    for (; p->key != NULL; p++)
-        map_entry(&machine->grey, p, place_of(machine, p), lg_parameter_numbers(p, links_of(machine)), m);
+    for (; p->key != NULL; p++) map_entry(&machine->grey, p, place_of(machine, p), numbers_of(machine, p), m);
 }
 
 /* Unit vectors n + t (t orthogonal to the start n) become cos|t| n + sin|t|/|t| t: the start turned by the
@@ -349,7 +351,7 @@ lg_status lg_grey_use(lg_machine *machine, const lg_energy_row *system, lg_error
     machine->grey.count = place_of(machine, NULL);
     const lg_parameter_entry *p = system->parameters;
     for (uint32_t at = 0; p->key != NULL; p++)
-        for (size_t i = 0; i < lg_parameter_numbers(p, links_of(machine)); i++)
+        for (size_t i = 0; i < numbers_of(machine, p); i++)
             machine->grey.start[at++] = fallback_of(p, i, false);
     add_term(machine, &lg_grey_mass_kind);
     if (system->potential != NULL) add_term(machine, &lg_grey_potential_kind);

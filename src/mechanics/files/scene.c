@@ -45,10 +45,6 @@ static bool plainly_hamiltonian(const char *system) {
            strcmp(state[1].key, "p") == 0;
 }
 
-static bool is_chain(const char *system) {
-    return strcmp(system, "pendulum-chain") == 0;
-}
-
 /* Whether a parameter or a part of the state has one entry per link. */
 static bool has_links(const char *system, const char *form) {
     const lg_parameter_entry *parameter = lg_system_parameters(system, form);
@@ -149,7 +145,7 @@ static lg_status build_table(const char *system, const char *form, scene_table *
     if (form != NULL) lg_append(table->title, sizeof table->title, ")");
     table->parameters = lg_system_parameters(system, form);
     table->parts = lg_system_state(system, form);
-    if (is_chain(system)) {
+    if (strcmp(system, "pendulum-chain") == 0) {
         const bool momenta = form != NULL && strcmp(form, "hamiltonian") == 0;
         table->own_key = momenta ? "p" : "omega";
         table->other_key = momenta ? "omega" : "p";
