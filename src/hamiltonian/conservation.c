@@ -147,7 +147,6 @@ static lg_status make_arrays(measuring *m) {
     return LG_OK;
 }
 
-/* The caller must call measuring_end, even after a failure. */
 static lg_status measuring_begin(const lg_context *context, const lg_hamiltonian_problem *problem,
                                  const double *theta, measuring *m, lg_error *error) {
     *m = (measuring){.context = context, .problem = problem};
@@ -278,15 +277,13 @@ lg_status lg_hamiltonian_warn_of_drift(const lg_context *context, const lg_hamil
     static const double slow = 2.0;
     const bool learned = is_learned(fit, problem, loss);
     const bool misfit = !lg_is_near_floor(loss, floor) && (has_settled(fit, slow) || has_come_to_rest(fit));
-    measuring m;
+    LG_CLEAN(measuring_end) measuring m = {.context = context};
     lg_momentum_motion motion;
     if (!learned && !misfit) return LG_OK;
     LG_TRY(lg_hamiltonian_momentum_motion(context, problem, &motion));
     if (motion.moves) return LG_OK;
-    const lg_status status = measuring_begin(context, problem, theta, &m, error);
+    LG_TRY(measuring_begin(context, problem, theta, &m, error));
     m.has_momentum = motion.size > 0.0;
-    const bool told = status == LG_OK && learned && warn_of_cost(&m);
-    if (status == LG_OK && !told && misfit) warn_of_misfit(&m, loss);
-    measuring_end(&m);
-    return status;
+    if (!(learned && warn_of_cost(&m)) && misfit) warn_of_misfit(&m, loss);
+    return LG_OK;
 }

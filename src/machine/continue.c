@@ -149,12 +149,10 @@ lg_status lg_machine_continue_starts(const lg_context *context, const lg_machine
     const lg_machine *machine = problem->machine;
     if (!lg_machine_starts_estimated(problem) || machine->directions > 0 || machine->rotations > 0)
         return lg_fail(error, LG_INVALID_ARGUMENT, "only estimated starts of lines and angles are continued");
-    walk x;
+    LG_CLEAN(close_walk) walk x;
     lg_status status = open_walk(context, problem, theta, losses, &x);
     if (status == LG_OK) status = go_along(&x);
-    status = lg_tape_conclude(x.tape, status, error);
-    close_walk(&x);
-    return status;
+    return lg_tape_conclude(x.tape, status, error);
 }
 
 /* ---- states at all rows ---- */
@@ -194,13 +192,12 @@ static lg_status estimate_states(const lg_context *context, const lg_machine_pro
                                  double *v, lg_error *error) {
     const size_t n = lg_machine_problem_parameters(problem);
     LG_TRY_SCRATCH(double, theta, context, n + problem->windows, lg_no_memory(error));
-    walk x;
-    lg_status status = lg_tape_conclude(NULL, open_walk(context, problem, theta, theta + n, &x), error);
-    if (status == LG_OK) status = settle(&x, error);
-    for (size_t first = 0; first < problem->windows && status == LG_OK; first += LG_FIT_CHUNK)
-        status = lg_tape_conclude(x.tape, write_states(&x, first, q, v), error);
-    close_walk(&x);
-    return status;
+    LG_CLEAN(close_walk) walk x;
+    LG_TRY(lg_tape_conclude(NULL, open_walk(context, problem, theta, theta + n, &x), error));
+    LG_TRY(settle(&x, error));
+    for (size_t first = 0; first < problem->windows; first += LG_FIT_CHUNK)
+        LG_TRY(lg_tape_conclude(x.tape, write_states(&x, first, q, v), error));
+    return LG_OK;
 }
 
 lg_status lg_machine_estimate_states(const lg_context *context, const lg_machine *machine,

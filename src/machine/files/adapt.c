@@ -143,12 +143,11 @@ static lg_status add_offset(char text[LG_MACHINE_TEXT], lg_error *error) {
 
 static lg_status extend(const lg_context *context, const char *path, lg_machine_model_run *run,
                         lg_error *error) {
-    lg_machine_file file;
+    LG_CLEAN(lg_machine_file_destroy) lg_machine_file file = {.text = NULL};
     LG_TRY(add_offset(run->text, error));
     LG_TRY(lg_machine_file_parse(context, path, run->text, strlen(run->text), &file, error));
     run->machine = file.machine;
     run->machine.scales = run->scales;
-    lg_machine_file_destroy(&file);
     return LG_OK;
 }
 

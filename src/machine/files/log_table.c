@@ -94,6 +94,7 @@ static lg_status read_file(lg_log_table *t, uint32_t file, lg_frame *f) {
 lg_status lg_log_read_files(lg_log_table *t) {
     LG_TRY_SCRATCH(lg_frame_want, want, t->context, t->columns, lg_log_no_memory(t));
     for (uint32_t file = 0; file < t->files; file++) {
+        LG_CLEAN(lg_frame_close)
         lg_frame f = {.context = t->context,
                       .path = t->paths[file],
                       .what = "log",
@@ -106,9 +107,7 @@ lg_status lg_log_read_files(lg_log_table *t) {
                                       .as = i == t->machine->run    ? LG_FRAME_TEXT
                                             : i == t->machine->time ? LG_FRAME_TIME
                                                                     : LG_FRAME_NUMBER};
-        const lg_status status = read_file(t, file, &f);
-        lg_frame_close(&f);
-        LG_TRY(status);
+        LG_TRY(read_file(t, file, &f));
     }
     return LG_OK;
 }

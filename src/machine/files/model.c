@@ -99,7 +99,7 @@ static lg_status read_lags(lg_h5 *h5, lg_machine_model_run *run, lg_error *error
 
 static lg_status read_machine(lg_h5 *h5, void *user, lg_error *error) {
     lg_machine_model_run *run = user;
-    lg_machine_file description;
+    LG_CLEAN(lg_machine_file_destroy) lg_machine_file description = {.text = NULL};
     LG_TRY(read_lags(h5, run, error));
     if (run->scheme == NULL) run->scheme = lg_scheme_at(0);
     if (!positive(&run->scales))
@@ -113,7 +113,6 @@ static lg_status read_machine(lg_h5 *h5, void *user, lg_error *error) {
         const lg_log_input *input = &description.inputs[i];
         run->delay[i] = input->estimate_delay ? run->estimated : input->delay;
     }
-    lg_machine_file_destroy(&description);
     return LG_OK;
 }
 
