@@ -25,7 +25,7 @@ static lg_status fit_starts(const lg_context *context, const lg_machine_problem 
     enum { MOST_EVALUATIONS = 40 };
     lg_fit_problem fit;
     lg_fit_options options;
-    lg_fit *made = NULL;
+    LG_CLEAN(lg_fit_destroy_at) lg_fit *made = NULL;
     LG_TRY(lg_machine_problem_check(problem, error));
     lg_machine_fit_problem(problem, &fit);
     lg_fit_options_init(&options);
@@ -34,10 +34,9 @@ static lg_status fit_starts(const lg_context *context, const lg_machine_problem 
     options.epochs = MOST_EVALUATIONS;
     options.shards = 1;
     LG_TRY(lg_fit_create(context, &fit, &options, numbers, &made, error));
-    const lg_status status = lg_fit_run(made, error);
-    if (status == LG_OK) lg_fit_parameters(made, numbers);
-    lg_fit_destroy(made);
-    return status;
+    LG_TRY(lg_fit_run(made, error));
+    lg_fit_parameters(made, numbers);
+    return LG_OK;
 }
 
 lg_status lg_machine_fit_starts(const lg_context *context, const lg_machine_problem *problem, size_t first,

@@ -122,7 +122,7 @@ static lg_status settle(lg_fit *fit, double *loss_at, lg_error *error) {
 static lg_status minimise(adapting *a, double *loss_at, lg_error *error) {
     enum { MOST_EVALUATIONS = 60, FEW = 4 };
     lg_fit_options options;
-    lg_fit *fit = NULL;
+    LG_CLEAN(lg_fit_destroy_at) lg_fit *fit = NULL;
     lg_fit_options_init(&options);
     options.plan.phases = 1;
     options.plan.phase[0].method = LG_FIT_LM;
@@ -130,10 +130,9 @@ static lg_status minimise(adapting *a, double *loss_at, lg_error *error) {
     options.stop_after = FEW;
     options.shards = 1;
     LG_TRY(lg_fit_create(a->context, &a->fit, &options, a->x, &fit, error));
-    const lg_status status = settle(fit, loss_at, error);
-    if (status == LG_OK) lg_fit_parameters(fit, a->x);
-    lg_fit_destroy(fit);
-    return status;
+    LG_TRY(settle(fit, loss_at, error));
+    lg_fit_parameters(fit, a->x);
+    return LG_OK;
 }
 
 /* Weighs the prior as if each residual had this variance. With an infinite weight x stays 0. */

@@ -45,7 +45,7 @@ static lg_status run_epoch(const lg_training *self, const lg_context *context,
     const lg_machine_model_run *run = self->run;
     lg_fit_problem fit_problem;
     lg_fit_options options;
-    lg_fit *fit = NULL;
+    LG_CLEAN(lg_fit_destroy_at) lg_fit *fit = NULL;
     lg_machine_fit_problem(problem, &fit_problem);
     fit_problem.repeats = plans;
     lg_fit_options_init(&options);
@@ -57,10 +57,8 @@ static lg_status run_epoch(const lg_training *self, const lg_context *context,
     options.threads = 1;
     options.validation = options.prior = 0;
     options.batch = 0;
-    lg_status status = lg_fit_create(context, &fit_problem, &options, theta, &fit, NULL);
-    if (status == LG_OK) status = lg_fit_run(fit, NULL);
-    lg_fit_destroy(fit);
-    return status;
+    LG_TRY(lg_fit_create(context, &fit_problem, &options, theta, &fit, NULL));
+    return lg_fit_run(fit, NULL);
 }
 
 /* Computes the loss and looks for missing forces, as after a fit. */

@@ -36,14 +36,13 @@ static lg_status run_fit(lg_training *self, const lg_machine *machine, const lg_
     chosen.checkpoint = NULL;
     chosen.on_epoch = NULL;
     for (int round = few ? 0 : ROUNDS; round <= ROUNDS && !(loss > slow * before); round++) {
-        lg_fit *fit = NULL;
+        LG_CLEAN(lg_fit_destroy_at) lg_fit *fit = NULL;
         if (round > 1) before = loss;
         chosen.epochs = !few ? EPOCHS : round == 0 ? 1 : epochs;
-        lg_status status = lg_fit_create(self->context, &held, &chosen, theta, &fit, error);
-        if (status == LG_OK) status = lg_fit_run(fit, error);
-        if (status == LG_OK) lg_fit_parameters(fit, theta), loss = lg_fit_loss(fit);
-        lg_fit_destroy(fit);
-        LG_TRY(status);
+        LG_TRY(lg_fit_create(self->context, &held, &chosen, theta, &fit, error));
+        LG_TRY(lg_fit_run(fit, error));
+        lg_fit_parameters(fit, theta);
+        loss = lg_fit_loss(fit);
         for (size_t i = machine->weights; i < numbers; i++) decay[i] = pull * loss;
         held.decay = decay;
     }
