@@ -157,30 +157,30 @@ static double terms_of(const lg_hamiltonian_problem *problem, const lg_space *sp
 typedef struct shard {
     lg_hamiltonian_vars vars;
     lg_space space;
-    size_t parts, first, used; /* of a state; first and number of points in the loss */
+    size_t parts;        /* of a state */
     lg_var y[PREDICTED]; /* the start and the predictions: the parts of M points, one point after the other */
-    lg_var given[LG_HAMILTONIAN_MAX_PARTS]; /* the points in the loss */
+    /* The points in the loss, predicted and given. */
+    lg_var all[LG_HAMILTONIAN_MAX_PARTS], given[LG_HAMILTONIAN_MAX_PARTS];
 } shard;
 
 static lg_status run(lg_tape *tape, const lg_hamiltonian_problem *problem, lg_var theta,
                      const uint32_t *samples, size_t count, shard *s) {
+    const size_t first = first_point(problem);
     LG_TRY(begin(tape, problem, theta, samples, count, &s->vars, &s->space, s->y));
     s->parts = lg_taped_parts(&s->space);
-    s->first = first_point(problem);
-    s->used = problem->points - s->first;
     LG_TRY(predict(tape, problem, &s->vars, problem->substeps, s->y, s->y + s->parts));
-    return given_points(tape, problem, &s->space, samples, count, s->first, problem->points - 1, s->given);
+    LG_TRY(given_points(tape, problem, &s->space, samples, count, first, problem->points - 1, s->given));
+    join_points(tape, s->y + first * s->parts, problem->points - first, s->parts, s->all);
+    return LG_OK;
 }
 
 static lg_status shard_loss(void *user, lg_tape *tape, lg_var theta, const uint32_t *samples, size_t count,
                             size_t batch, lg_var *loss) {
     const lg_hamiltonian_problem *problem = user;
     shard s;
-    lg_var all[LG_HAMILTONIAN_MAX_PARTS];
     LG_TRY(run(tape, problem, theta, samples, count, &s));
-    join_points(tape, s.y + s.first * s.parts, s.used, s.parts, all);
-    const lg_var squares =
-        lg_hamiltonian_squared_distance(tape, problem->distance, &s.space, weights_of(problem), all, s.given);
+    const lg_var squares = lg_hamiltonian_squared_distance(tape, problem->distance, &s.space,
+                                                           weights_of(problem), s.all, s.given);
     lg_var total = lg_scale(tape, squares, 1.0 / terms_of(problem, &s.space, batch));
     if (problem->penalty != 0.0) {
         const bool mean = problem->penalty_form == LG_PENALTY_MEAN_SQUARE;
@@ -199,9 +199,8 @@ static lg_status shard_residuals(void *user, lg_tape *tape, lg_var theta, const 
     shard s;
     lg_var columns[LG_HAMILTONIAN_MAX_PARTS];
     LG_TRY(run(tape, problem, theta, samples, count, &s));
-    join_points(tape, s.y + s.first * s.parts, s.used, s.parts, columns);
     for (size_t part = 0; part < s.parts; part++) {
-        const lg_var difference = lg_hamiltonian_scaled(tape, lg_sub(tape, columns[part], s.given[part]),
+        const lg_var difference = lg_hamiltonian_scaled(tape, lg_sub(tape, s.all[part], s.given[part]),
                                                         sqrt(weights_of(problem)[part]));
         const uint64_t length = lg_shape_count(lg_var_shape(tape, difference));
         columns[part] = lg_reshape(tape, difference, lg_shape1((uint32_t)length));

@@ -39,7 +39,7 @@ lg_status lg_chain_open(lg_tape *tape, const lg_machine_problem *problem, const 
                     .theta = theta,
                     .count = count,
                     .shared = lg_machine_shared(problem),
-                    .own = lg_machine_starts_estimated(problem) ? lg_machine_start_numbers(machine) : 0,
+                    .own = lg_machine_own(problem),
                     .axes = lg_row_axes_of(machine)};
     if (derived) c->columns = c->shared + c->own;
     for (size_t s = 0; s < count; s++) c->samples[s] = samples != NULL ? samples[s] : (uint32_t)(first + s);

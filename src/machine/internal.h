@@ -484,6 +484,8 @@ static inline size_t lg_machine_shared(const lg_machine_problem *problem) {
 }
 /* Number of parameters of a start: places, 3 for each direction, 3 for each rotation, velocities. */
 uint32_t lg_machine_start_numbers(const lg_machine *machine);
+/* The same of a window of the problem: 0 if starts are not estimated. */
+uint32_t lg_machine_own(const lg_machine_problem *problem);
 /* The unit of each number of a start: the scale of the loss times the square root of the number of windows.
  * The loss is a mean over windows, so that its second derivatives in the parameters are then about 1. */
 void lg_machine_start_units(const lg_machine_problem *problem, double *scale);

@@ -64,9 +64,8 @@ static lg_status linearise(void *user, lg_tape *tape, const double *x, const uin
     const lg_machine_restriction *of = user;
     const lg_machine_problem *problem = of->problem;
     const size_t P = problem->machine->parameters, starts = all_starts(problem),
-                 own = lg_machine_starts_estimated(problem) ? lg_machine_start_numbers(problem->machine) : 0,
-                 rows = count * lg_machine_linearised_rows(problem), columns = P + own,
-                 bytes = (P + starts + rows * columns) * sizeof(double);
+                 own = lg_machine_own(problem), rows = count * lg_machine_linearised_rows(problem),
+                 columns = P + own, bytes = (P + starts + rows * columns) * sizeof(double);
     double *theta = lg_pool_take(tape, bytes);
     if (theta == NULL) return lg_tape_status(tape);
     double *J = theta + P + starts;

@@ -7,6 +7,10 @@ uint32_t lg_machine_start_numbers(const lg_machine *machine) {
     return machine->places + 3 * machine->directions + 3 * machine->rotations + machine->velocities;
 }
 
+uint32_t lg_machine_own(const lg_machine_problem *problem) {
+    return lg_machine_starts_estimated(problem) ? lg_machine_start_numbers(problem->machine) : 0;
+}
+
 void lg_machine_start_units(const lg_machine_problem *problem, double *scale) {
     const lg_machine *machine = problem->machine;
     const lg_row_axes all = lg_row_axes_of(machine);

@@ -192,17 +192,16 @@ static size_t chunk_of(const lg_machine_problem *problem) {
 void lg_machine_fit_problem(const lg_machine_problem *problem, lg_fit_problem *out) {
     /* Only weights of networks have a prior. */
     const size_t weights = problem->theta == NULL ? problem->machine->weights : 0;
-    *out = (lg_fit_problem){
-        .parameters = lg_machine_problem_parameters(problem),
-        .samples = problem->windows,
-        .repeats = true,
-        .residuals = shard_residuals,
-        .linearise = lg_machine_linearise,
-        .rows = lg_machine_linearised_rows(problem),
-        .user = (void *)(uintptr_t)problem, /* never written */
-        .validation = problem->validation,
-        .chunk = chunk_of(problem),
-        .own = lg_machine_starts_estimated(problem) ? lg_machine_start_numbers(problem->machine) : 0,
-        .observations = weights > 0 ? observations(problem) : 0,
-        .weights = weights};
+    *out = (lg_fit_problem){.parameters = lg_machine_problem_parameters(problem),
+                            .samples = problem->windows,
+                            .repeats = true,
+                            .residuals = shard_residuals,
+                            .linearise = lg_machine_linearise,
+                            .rows = lg_machine_linearised_rows(problem),
+                            .user = (void *)(uintptr_t)problem, /* never written */
+                            .validation = problem->validation,
+                            .chunk = chunk_of(problem),
+                            .own = lg_machine_own(problem),
+                            .observations = weights > 0 ? observations(problem) : 0,
+                            .weights = weights};
 }

@@ -39,10 +39,7 @@ size_t lg_machine_windows(const lg_machine *machine, const lg_machine_log *log, 
 }
 
 size_t lg_machine_problem_parameters(const lg_machine_problem *problem) {
-    const size_t starts = lg_machine_starts_estimated(problem)
-                              ? problem->windows * lg_machine_start_numbers(problem->machine)
-                              : 0;
-    return lg_machine_shared(problem) + starts;
+    return lg_machine_shared(problem) + problem->windows * lg_machine_own(problem);
 }
 
 static bool positive(const double *x, uint32_t count) {

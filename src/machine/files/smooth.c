@@ -75,9 +75,8 @@ lg_status lg_machine_smooth(const lg_context *context, const lg_machine *machine
     for (size_t i = 0; i < log->rows * machine->velocities; i++) v[i] = NAN;
     for (lg_log_part p = {0}; lg_log_next(log, &p);)
         for (size_t row = p.first; row < p.end; row++) {
-            const size_t begin = p.first, end = p.end - 1;
-            const size_t first = row - begin > half ? row - half : begin,
-                         last = end - row > half ? row + half : end;
+            const size_t first = row - p.first > half ? row - half : p.first,
+                         last = p.end - 1 - row > half ? row + half : p.end - 1;
             if (last > first)
                 smooth_row(machine, log, first, last, row, degree, q + row * machine->positions,
                            v + row * machine->velocities);

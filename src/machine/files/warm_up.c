@@ -329,14 +329,20 @@ static void quieten(const lg_machine *machine, double *theta) {
  * positions. */
 enum { SHORTEST = 3 };
 
-/* The training problem of `machine` with windows of at most `window` rows. */
-static lg_machine_problem short_windows(const lg_training *self, const lg_machine *machine, uint32_t window) {
-    const lg_machine_model_run *run = self->run;
-    const lg_machine_state *s = self->state;
-    lg_machine_problem problem = s->problem;
+/* The training problem of `machine` with windows of `window` rows. */
+static lg_machine_problem windows_of(const lg_training *self, const lg_machine *machine, uint32_t window) {
+    lg_machine_problem problem = lg_machine_state_of(self)->problem;
     problem.machine = machine;
-    problem.starts = s->positions ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
-    problem.window = window < run->window ? window : run->window;
+    problem.window = window;
+    return problem;
+}
+
+/* The same with windows of at most `window` rows, whose starts are estimated from positions alone. */
+static lg_machine_problem short_windows(const lg_training *self, const lg_machine *machine, uint32_t window) {
+    const uint32_t most = lg_machine_run_of(self)->window;
+    lg_machine_problem problem = windows_of(self, machine, window < most ? window : most);
+    problem.starts =
+        lg_machine_state_of(self)->positions ? LG_MACHINE_STARTS_ESTIMATED : LG_MACHINE_STARTS_MEASURED;
     return problem;
 }
 
@@ -498,18 +504,14 @@ static lg_status fit_accelerations(lg_training *self, const lg_machine *machine,
                                    lg_error *error) {
     enum { ROUNDS = 6 };
     const lg_machine_state *s = self->state;
-    lg_machine_problem problem = s->problem;
+    lg_machine_problem problem = windows_of(self, machine, 2);
     double *losses;
     size_t left = 1;
     LG_TRAINING_ARRAY(self, losses, problem.windows, error);
-    problem.machine = machine;
     problem.starts = LG_MACHINE_STARTS_MEASURED;
-    problem.window = 2;
     LG_TRY(fit_some(self, &problem, STAGE_EPOCHS, theta, error));
     for (uint32_t part = 2; part > 0; part--) {
-        problem = s->problem;
-        problem.machine = machine;
-        problem.window = s->problem.window / part;
+        problem = windows_of(self, machine, s->problem.window / part);
         if (problem.window > SHORTEST) LG_TRY(fit_some(self, &problem, FEW_EPOCHS, theta, error));
     }
     LG_TRY(scan_lags(self, &problem, theta, error));
@@ -533,9 +535,7 @@ static lg_status fit_windows(lg_training *self, const lg_machine *machine, doubl
         LG_TRY(scan_lags(self, &of_lags, theta, error));
         return scan_bristles(self, machine, theta, error);
     }
-    lg_machine_problem problem = s->problem;
-    problem.machine = machine;
-    problem.window = 2;
+    lg_machine_problem problem = windows_of(self, machine, 2);
     LG_TRY(approach(self, &problem, theta, error));
     LG_TRY(scan_lags(self, &of_lags, theta, error));
     for (int round = 0; round < ROUNDS && changed; round++) {
@@ -575,10 +575,9 @@ static lg_status find_substeps(lg_training *self, const lg_machine *machine, con
     static const double part = 1e-2;
     lg_machine_model_run *run = self->run;
     lg_machine_state *s = self->state;
-    lg_machine_problem problem = s->problem;
+    lg_machine_problem problem = windows_of(self, machine, s->problem.window);
     double loss = 0, floor = 0;
     if (self->given(self, "substeps")) return LG_OK;
-    problem.machine = machine;
     if (!s->estimated) problem.starts = LG_MACHINE_STARTS_MEASURED;
     for (run->substeps = 1; run->substeps < MOST; run->substeps++) {
         problem.substeps = run->substeps;
