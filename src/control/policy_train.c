@@ -302,14 +302,15 @@ static lg_status end_phase(training *t) {
 }
 
 static lg_status run_phase(training *t) {
+    lg_error error = {LG_OK, ""};
+    if (t->fit == NULL) LG_TRY(try_plain(t));
     if (steps_of(t, t->phase) == 0) return end_phase(t);
-    if (t->fit == NULL) {
-        LG_TRY(try_plain(t));
-        LG_TRY(begin_fit(t));
-    }
-    const lg_status status = lg_fit_run(t->fit, t->error);
-    LG_TRY(t->status);
-    if (!(t->phase == POLISH && status == LG_NOT_FINITE)) LG_TRY(status);
+    if (t->fit == NULL) LG_TRY(begin_fit(t));
+    t->status = LG_OK;
+    const lg_status status = lg_fit_run(t->fit, &error);
+    LG_TRY(t->status); /* t->error says why */
+    if (status != LG_OK && !(t->phase == POLISH && status == LG_NOT_FINITE))
+        return lg_fail(t->error, status, "%s", error.message);
     lg_fit_parameters(t->fit, t->theta);
     return end_phase(t);
 }

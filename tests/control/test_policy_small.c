@@ -349,6 +349,32 @@ TEST("training that is stopped while it polishes ends with the bits of one run")
     assert_memory_equal(whole->theta, again->theta, whole->parameters * sizeof *whole->theta);
 }
 
+TEST("training says that memory was short, also while it judges, and can then go on") {
+    const lg_policy_task task = small_task(LG_POLICY_ENERGY);
+    lg_policy_train_options o = short_training();
+    lg_fail_alloc *memory = TEST_ARRAY(lg_fail_alloc, 1);
+    lg_context *context = lg_fail_alloc_context(memory);
+    lg_policy *policy = NULL;
+    lg_test_owns(context, release_context);
+    assert_told(lg_policy_create(context, &task, plant_program(&usual), 1, &policy, &told));
+    lg_test_owns(policy, release_policy);
+    o.race = 0, o.finish = 1, o.polish = 0;
+    lg_policy_trainer *trainer = trainer_of(policy, &o);
+    lg_fail_alloc_arm(memory, 0);
+    assert_told(lg_policy_trainer_run(trainer, NULL, &told));
+    const long calls = atomic_load(&memory->calls);
+    for (long at = 1; at <= calls; at += 1 + calls / 50) {
+        lg_error error = {LG_OK, ""};
+        trainer = trainer_of(policy, &o);
+        lg_fail_alloc_arm_end(memory, at);
+        const lg_status status = lg_policy_trainer_run(trainer, NULL, &error);
+        assert_true(status == LG_OUT_OF_MEMORY || !lg_fail_alloc_hit(memory));
+        assert_int_equal(error.status, status);
+        lg_fail_alloc_arm(memory, 0);
+        assert_told(lg_policy_trainer_run(trainer, NULL, &told));
+    }
+}
+
 TEST("a state of training that is cut or damaged is refused") {
     const lg_policy_task task = small_task(LG_POLICY_ENERGY);
     static const struct {
