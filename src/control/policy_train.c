@@ -266,7 +266,9 @@ static lg_status begin_fit(training *t) {
     options.on_epoch = end_step, options.user = t;
     t->spent = t->limit = 0.0;
     if (o->seconds > 0.0) t->limit = fmax(share[t->phase] * o->seconds - (lg_seconds() - t->begun), 1e-9);
-    if (o->ranks != NULL) LG_TRY(lg_ranks_share(o->ranks, 0, &t->limit, sizeof t->limit));
+    const lg_status shared =
+        o->ranks != NULL ? lg_ranks_share(o->ranks, 0, &t->limit, sizeof t->limit) : LG_OK;
+    if (shared != LG_OK) return lg_ranks_lost(o->ranks, shared, t->error);
     options.seconds = t->limit;
     return lg_fit_create(p->context, &problem, &options, t->theta, &t->fit, t->error);
 }
