@@ -459,11 +459,13 @@ lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *
     if (t->phase > DONE || t->round >= MOST_ROUNDS || t->leader >= t->seeds || racers == 0 ||
         racers != t->racers || (begun && (t->phase == DONE || steps_of(t, t->phase) == 0)))
         return lg_fail(error, LG_FORMAT, "the state of training is damaged");
+    end_fit(t);
     t->step = t->round * t->options.finish;
     if (!begun) return LG_OK;
     t->begun = lg_seconds();
     LG_TRY(begin_fit(t));
     LG_TRY(lg_as_format(lg_fit_load(t->fit, from, error), error));
-    t->step += lg_fit_epochs_done(t->fit);
+    for (uint64_t i = 0; i < lg_fit_epochs_done(t->fit); i++, t->step++)
+        t->spent += lg_fit_history(t->fit, LG_FIT_SECONDS)[i];
     return LG_OK;
 }

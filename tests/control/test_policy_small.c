@@ -349,6 +349,48 @@ TEST("training that is stopped while it polishes ends with the bits of one run")
     assert_memory_equal(whole->theta, again->theta, whole->parameters * sizeof *whole->theta);
 }
 
+TEST("a trainer that has run loads the state before the first step, and runs again with the same bits") {
+    const lg_policy_task task = small_task(LG_POLICY_NETWORK);
+    lg_policy_train_options o = short_training();
+    stopping s = {.left = 5};
+    memory_archive archive = {.count = 0};
+    const lg_archive_writer writer = memory_writer(&archive);
+    const lg_archive_reader reader = memory_reader(&archive);
+    lg_policy *whole = make_small(&task, &usual), *again = cancelled(&task, &s);
+    assert_told(lg_policy_trainer_run(trainer_of(whole, &o), NULL, &told));
+    o.progress = stop, o.user = &s;
+    lg_policy_trainer *trainer = trainer_of(again, &o);
+    assert_ok(lg_policy_trainer_save(trainer, &writer, NULL));
+    assert_status(lg_policy_trainer_run(trainer, NULL, NULL), LG_CANCELLED);
+    s.flag = 0;
+    assert_told(lg_policy_trainer_load(trainer, &reader, &told));
+    assert_told(lg_policy_trainer_run(trainer, NULL, &told));
+    assert_memory_equal(whole->theta, again->theta, whole->parameters * sizeof *whole->theta);
+}
+
+TEST("the worse racers leave a race by the time that its steps took before a load, too") {
+    const lg_policy_task task = small_task(LG_POLICY_NETWORK);
+    lg_policy_train_options o = short_training();
+    for (int late = 0; late < 2; late++) {
+        memory_archive archive = {.count = 0}, after = {.count = 0};
+        const lg_archive_writer writer = memory_writer(&archive), last = memory_writer(&after);
+        const lg_archive_reader reader = memory_reader(&archive);
+        stopping s = {.left = 1};
+        o.race = 1000, o.seconds = 1000, o.progress = stop, o.user = &s;
+        lg_policy_trainer *trainer = trainer_of(cancelled(&task, &s), &o);
+        assert_status(lg_policy_trainer_run(trainer, NULL, NULL), LG_CANCELLED);
+        assert_ok(lg_policy_trainer_save(trainer, &writer, NULL));
+        double *took = memory_find(&archive, "train/history/seconds")->data;
+        if (late) *took = 300; /* of the 500 that the race has */
+        s = (stopping){.left = 1};
+        trainer = trainer_of(cancelled(&task, &s), &o);
+        assert_told(lg_policy_trainer_load(trainer, &reader, &told));
+        assert_status(lg_policy_trainer_run(trainer, NULL, NULL), LG_CANCELLED);
+        assert_ok(lg_policy_trainer_save(trainer, &last, NULL));
+        assert_int_equal(*(const uint64_t *)memory_find(&after, "racers")->data, late ? 2 : 3);
+    }
+}
+
 TEST("training says that memory was short, also while it judges, and can then go on") {
     const lg_policy_task task = small_task(LG_POLICY_ENERGY);
     lg_policy_train_options o = short_training();
