@@ -266,7 +266,9 @@ static lg_status begin_fit(training *t) {
     options.on_epoch = end_step, options.user = t;
     t->spent = t->limit = 0.0;
     if (o->seconds > 0.0) t->limit = fmax(share[t->phase] * o->seconds - (lg_seconds() - t->begun), 1e-9);
-    if (o->ranks != NULL) LG_TRY(lg_ranks_share(o->ranks, 0, &t->limit, sizeof t->limit));
+    const lg_status shared =
+        o->ranks != NULL ? lg_ranks_share(o->ranks, 0, &t->limit, sizeof t->limit) : LG_OK;
+    if (shared != LG_OK) return lg_ranks_lost(o->ranks, shared, t->error);
     options.seconds = t->limit;
     return lg_fit_create(p->context, &problem, &options, t->theta, &t->fit, t->error);
 }
@@ -302,14 +304,15 @@ static lg_status end_phase(training *t) {
 }
 
 static lg_status run_phase(training *t) {
+    lg_error error = {LG_OK, ""};
+    if (t->fit == NULL) LG_TRY(try_plain(t));
     if (steps_of(t, t->phase) == 0) return end_phase(t);
-    if (t->fit == NULL) {
-        LG_TRY(try_plain(t));
-        LG_TRY(begin_fit(t));
-    }
-    const lg_status status = lg_fit_run(t->fit, t->error);
-    LG_TRY(t->status);
-    if (!(t->phase == POLISH && status == LG_NOT_FINITE)) LG_TRY(status);
+    if (t->fit == NULL) LG_TRY(begin_fit(t));
+    t->status = LG_OK;
+    const lg_status status = lg_fit_run(t->fit, &error);
+    LG_TRY(t->status); /* t->error says why */
+    if (status != LG_OK && !(t->phase == POLISH && status == LG_NOT_FINITE))
+        return lg_fail(t->error, status, "%s", error.message);
     lg_fit_parameters(t->fit, t->theta);
     return end_phase(t);
 }
@@ -456,11 +459,13 @@ lg_status lg_policy_trainer_load(lg_policy_trainer *t, const lg_archive_reader *
     if (t->phase > DONE || t->round >= MOST_ROUNDS || t->leader >= t->seeds || racers == 0 ||
         racers != t->racers || (begun && (t->phase == DONE || steps_of(t, t->phase) == 0)))
         return lg_fail(error, LG_FORMAT, "the state of training is damaged");
+    end_fit(t);
     t->step = t->round * t->options.finish;
     if (!begun) return LG_OK;
     t->begun = lg_seconds();
     LG_TRY(begin_fit(t));
     LG_TRY(lg_as_format(lg_fit_load(t->fit, from, error), error));
-    t->step += lg_fit_epochs_done(t->fit);
+    for (uint64_t i = 0; i < lg_fit_epochs_done(t->fit); i++, t->step++)
+        t->spent += lg_fit_history(t->fit, LG_FIT_SECONDS)[i];
     return LG_OK;
 }

@@ -204,7 +204,7 @@ lg_status lg_fit_create(const lg_context *context, const lg_fit_problem *problem
     fit->context = context;
     fit->problem = *problem;
     fit->options = chosen;
-    fit->plans = problem->repeats;
+    fit->plans = problem->repeats && problem->gradient == NULL;
     fit->by_work = chosen.shards == 0;
     if (fit->by_work) fit->options.shards = LG_FIT_PIECES;
     fit->k = lg_kernels_for(chosen.dtype);

@@ -531,6 +531,20 @@ TEST("training gives the same bits with one process, two ranks and five ranks") 
     }
 }
 
+static lg_status rank_1_leaves(void *user, const lg_ranks *ranks, lg_error *error) {
+    return ranks->rank == 1 ? LG_OK : train_on_rank(user, ranks, error);
+}
+
+TEST("a rank that loses the others says so") {
+    trained_by_ranks all = {.options = short_training(1)};
+    const lg_policy_task task = cart_task();
+    rank_team team;
+    all.policy[0] = make(&task, cart_pole);
+    team_run(&team, 2, rank_1_leaves, &all);
+    assert_int_equal(team.members[0].status, LG_FILE);
+    assert_says(team.members[0].error.message, "lost their connection");
+}
+
 TEST("all ranks stop where rank 0 has no more time") {
     trained_by_ranks all = {.options = short_training(1), .seconds = 1e15};
     const lg_policy_task task = cart_task();

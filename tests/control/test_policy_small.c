@@ -349,6 +349,74 @@ TEST("training that is stopped while it polishes ends with the bits of one run")
     assert_memory_equal(whole->theta, again->theta, whole->parameters * sizeof *whole->theta);
 }
 
+TEST("a trainer that has run loads the state before the first step, and runs again with the same bits") {
+    const lg_policy_task task = small_task(LG_POLICY_NETWORK);
+    lg_policy_train_options o = short_training();
+    stopping s = {.left = 5};
+    memory_archive archive = {.count = 0};
+    const lg_archive_writer writer = memory_writer(&archive);
+    const lg_archive_reader reader = memory_reader(&archive);
+    lg_policy *whole = make_small(&task, &usual), *again = cancelled(&task, &s);
+    assert_told(lg_policy_trainer_run(trainer_of(whole, &o), NULL, &told));
+    o.progress = stop, o.user = &s;
+    lg_policy_trainer *trainer = trainer_of(again, &o);
+    assert_ok(lg_policy_trainer_save(trainer, &writer, NULL));
+    assert_status(lg_policy_trainer_run(trainer, NULL, NULL), LG_CANCELLED);
+    s.flag = 0;
+    assert_told(lg_policy_trainer_load(trainer, &reader, &told));
+    assert_told(lg_policy_trainer_run(trainer, NULL, &told));
+    assert_memory_equal(whole->theta, again->theta, whole->parameters * sizeof *whole->theta);
+}
+
+TEST("the worse racers leave a race by the time that its steps took before a load, too") {
+    const lg_policy_task task = small_task(LG_POLICY_NETWORK);
+    lg_policy_train_options o = short_training();
+    for (int late = 0; late < 2; late++) {
+        memory_archive archive = {.count = 0}, after = {.count = 0};
+        const lg_archive_writer writer = memory_writer(&archive), last = memory_writer(&after);
+        const lg_archive_reader reader = memory_reader(&archive);
+        stopping s = {.left = 1};
+        o.race = 1000, o.seconds = 1000, o.progress = stop, o.user = &s;
+        lg_policy_trainer *trainer = trainer_of(cancelled(&task, &s), &o);
+        assert_status(lg_policy_trainer_run(trainer, NULL, NULL), LG_CANCELLED);
+        assert_ok(lg_policy_trainer_save(trainer, &writer, NULL));
+        double *took = memory_find(&archive, "train/history/seconds")->data;
+        if (late) *took = 300; /* of the 500 that the race has */
+        s = (stopping){.left = 1};
+        trainer = trainer_of(cancelled(&task, &s), &o);
+        assert_told(lg_policy_trainer_load(trainer, &reader, &told));
+        assert_status(lg_policy_trainer_run(trainer, NULL, NULL), LG_CANCELLED);
+        assert_ok(lg_policy_trainer_save(trainer, &last, NULL));
+        assert_int_equal(*(const uint64_t *)memory_find(&after, "racers")->data, late ? 2 : 3);
+    }
+}
+
+TEST("training says that memory was short, also while it judges, and can then go on") {
+    const lg_policy_task task = small_task(LG_POLICY_ENERGY);
+    lg_policy_train_options o = short_training();
+    lg_fail_alloc *memory = TEST_ARRAY(lg_fail_alloc, 1);
+    lg_context *context = lg_fail_alloc_context(memory);
+    lg_policy *policy = NULL;
+    lg_test_owns(context, release_context);
+    assert_told(lg_policy_create(context, &task, plant_program(&usual), 1, &policy, &told));
+    lg_test_owns(policy, release_policy);
+    o.race = 0, o.finish = 1, o.polish = 0;
+    lg_policy_trainer *trainer = trainer_of(policy, &o);
+    lg_fail_alloc_arm(memory, 0);
+    assert_told(lg_policy_trainer_run(trainer, NULL, &told));
+    const long calls = atomic_load(&memory->calls);
+    for (long at = 1; at <= calls; at += 1 + calls / 50) {
+        lg_error error = {LG_OK, ""};
+        trainer = trainer_of(policy, &o);
+        lg_fail_alloc_arm_end(memory, at);
+        const lg_status status = lg_policy_trainer_run(trainer, NULL, &error);
+        assert_true(status == LG_OUT_OF_MEMORY || !lg_fail_alloc_hit(memory));
+        assert_int_equal(error.status, status);
+        lg_fail_alloc_arm(memory, 0);
+        assert_told(lg_policy_trainer_run(trainer, NULL, &told));
+    }
+}
+
 TEST("a state of training that is cut or damaged is refused") {
     const lg_policy_task task = small_task(LG_POLICY_ENERGY);
     static const struct {

@@ -148,6 +148,23 @@ TEST("claimed and true success agree where the trolley sticks, with integrals an
     assert_status(lg_policy_create(NULL, &task, crane(0), 1, &policy, NULL), LG_CHECK_FAILED);
 }
 
+TEST("the regulator without compensation is kept where training finds nothing better, also without steps") {
+    lg_policy_task task = crane_task((row){0, false});
+    task.compensate = true;
+    for (int steps = 0; steps < 2; steps++) {
+        lg_policy *p = make_crane(&task);
+        lg_policy_trainer *trainer;
+        lg_policy_train_options options;
+        p->first[0] = 10; /* much more than friction */
+        lg_policy_train_options_init(&options);
+        options.race = (uint64_t)steps, options.finish = options.polish = 0;
+        assert_ok(lg_policy_trainer_create(p, &options, &trainer, NULL));
+        assert_ok(lg_policy_trainer_run(trainer, NULL, NULL));
+        lg_policy_trainer_destroy(trainer);
+        assert_true(p->theta[0] == -100);
+    }
+}
+
 TEST("compensation begins at the break-away force, and training makes it succeed") {
     lg_policy_task task = crane_task((row){0, false});
     task.compensate = true;

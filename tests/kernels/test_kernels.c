@@ -951,3 +951,14 @@ TEST_EVERY_TABLE("sums of nine taps, and counts above levels, follow their defin
         }
     }
 }
+
+TEST("a window of floats may be so long that floats do not count its rows") {
+    enum { ROWS = (1 << 24) + 3 };
+    const lg_kernels *k = lg_kernels_for(LG_F32);
+    const lg_k_windows w = {.length = ROWS, .channels = 1, .size = ROWS, .stride = ROWS, .count = 1};
+    float *x = TEST_ARRAY(float, ROWS), *to = TEST_ARRAY(float, ROWS), g = 3, sum = 0;
+    x[ROWS - 2] = 1; /* row 2^24 + 1 */
+    k->window_place(&w, 1, &g, x, to, false);
+    for (int i = 0; i < ROWS; i++) sum += to[i];
+    assert_true(to[ROWS - 2] == g && sum == g);
+}

@@ -120,6 +120,7 @@ TEST("a gradient in numbers trains as the recording does: batches, shards, chunk
             lg_fit_problem problem = {
                 .parameters = 2, .samples = 7, .user = &data, .chunk = (size_t)(k / 2 % 3), .validation = 2};
             lg_fit_options o = options_of(6, (size_t[]){0, 2, 3, 5}[k / 6]);
+            problem.repeats = numeric; /* there is no recording of which to make a plan */
             if (numeric)
                 problem.gradient = line_gradient;
             else
