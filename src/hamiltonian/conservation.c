@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/clean.h"
 #include "hamiltonian/internal.h"
 #include "hamiltonian/learned.h"
 
