@@ -1,5 +1,5 @@
 /* lg-control certify: proofs, refusals and exit codes.
- * ctest-labels: apps/lg-control src/control */
+ * ctest-labels: slow apps/lg-control src/control */
 #include "cli_support.h"
 
 static const char control[] = "lg-control";

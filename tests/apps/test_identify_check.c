@@ -1,6 +1,6 @@
 /* lg-identify check: what it reports of logs, what it refuses, and what causes a warning. Wrong command lines
  * are in test_refused.
- * ctest-labels: apps/lg-identify src/machine */
+ * ctest-labels: slow apps/lg-identify src/machine */
 #include "files/h5.h"
 #include "identify_support.h"
 

@@ -1,6 +1,6 @@
 /* Policies: errors of coordinates, the regulator and its region, gradients, training that can be stopped,
  * files.
- * ctest-labels: src/control src/integrators */
+ * ctest-labels: slow src/control src/integrators */
 #include <unistd.h>
 
 #include "autodiff/program/program.h"

@@ -1,5 +1,6 @@
 /* Fits of a program's step function to logs: errors against the spread of many fits and against a bootstrap,
- * units, parameters that a log does not determine, missing values, rejected logs. */
+ * units, parameters that a log does not determine, missing values, rejected logs.
+ * ctest-labels: slow src/nn src/autodiff/program */
 #include "support/fixtures.h"
 
 #include "core/core.h"
