@@ -92,6 +92,52 @@ TEST("features of many channels take memory in proportion to their number") {
     }
 }
 
+/* ---- memory and sizes by the length of the window ---- */
+
+/* Blocks in front of which their size stands. */
+typedef struct usage {
+    size_t now, most;
+} usage;
+static void *take_counted(void *user, size_t bytes) {
+    usage *u = user;
+    size_t *block = aligned_alloc(64, (bytes + 64 + 63) / 64 * 64);
+    if (block == NULL) return NULL;
+    *block = bytes;
+    u->now += bytes;
+    if (u->now > u->most) u->most = u->now;
+    return block + 64 / sizeof *block;
+}
+static void release_counted(void *user, void *memory) {
+    size_t *block = (size_t *)memory - 64 / sizeof *block;
+    ((usage *)user)->now -= *block;
+    free(block);
+}
+
+/* Recordings of a program for 2 to 5 windows would take hundreds of megabytes if they held the windows. The
+ * slope has a weight for each sample. */
+TEST("features of long windows are made without memory for the windows") {
+    enum { CHANNELS = 6, LENGTH = 1000000 };
+    lg_series s = {.count = 1, .channels = CHANNELS, .length = LENGTH, .classes = 2};
+    s.channel_name = lg_test_gives(CHANNELS, sizeof *s.channel_name);
+    for (uint32_t c = 0; c < CHANNELS; c++) (void)snprintf(s.channel_name[c], LG_SERIES_NAME, "%s", riser[c]);
+    for (int kind = 0; kind < LG_FEATURE_KIND_COUNT; kind++) {
+        usage u = {0, 0};
+        lg_context_options o;
+        lg_context *context;
+        lg_features f;
+        if (kind == LG_FEATURES_RAW || kind == LG_FEATURES_ROCKET) continue;
+        lg_context_options_init(&o);
+        o.allocate = take_counted, o.release = release_counted, o.allocator_user = &u;
+        assert_ok(lg_context_create(&o, &context));
+        assert_ok(lg_features_create(context, (lg_feature_kind)kind, false, &s, LENGTH, NULL, &f, NULL));
+        print_message("%s: %zu kB\n", lg_feature_kind_name((lg_feature_kind)kind), u.most >> 10);
+        assert_true(u.most < (size_t)(kind == LG_FEATURES_LEVELS ? 64 : 8) << 20);
+        lg_features_destroy(&f);
+        lg_context_destroy(context);
+        assert_int_equal(u.now, 0);
+    }
+}
+
 /* Channel 0 has an offset of 2^20 times its motion, channel 1 is constant, channel 2 is a straight line. */
 TEST("levels follow their definition, per second, with large offsets and constant channels") {
     enum { N = 50 };

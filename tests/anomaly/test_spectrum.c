@@ -43,6 +43,34 @@ TEST("the power of a sine is in its band") {
     }
 }
 
+/* Segments of all lengths: with two factors near the root, with others, and primes. */
+TEST("powers follow their definition") {
+    enum { LONGEST = 300, BANDS = 2 };
+    lg_rng rng = test_rng(3, 2);
+    double z[LONGEST], power[LG_SPECTRUM_BANDS];
+    for (uint32_t t = 0; t < LONGEST; t++) z[t] = lg_rng_normal(&rng);
+    for (uint32_t length = 4; length <= LONGEST; length += length < 128 ? 1 : 43) {
+        const uint32_t bands = lg_spectrum_bands(length, length % 3 == 0 ? 8 : BANDS);
+        const lg_spectrum s = make(length, bands);
+        lg_spectrum_powers(&s, z, power, TEST_ARRAY(double, lg_spectrum_work(&s)));
+        for (uint32_t b = 0; b < bands; b++) {
+            double sum = 0, squares = 0;
+            for (uint32_t t = 0; t < s.segment; t++) squares += pow(sin(PI * (t + 0.5) / s.segment), 4);
+            for (uint32_t i = 0; i < s.segments; i++)
+                for (uint32_t k = s.edge[b]; k < s.edge[b + 1]; k++) {
+                    double re = 0, im = 0;
+                    for (uint32_t t = 0; t < s.segment; t++) {
+                        const double h = pow(sin(PI * (t + 0.5) / s.segment), 2) * z[i * s.hop + t],
+                                     angle = 2 * PI * (k * t % s.segment) / s.segment;
+                        re += h * cos(angle), im += h * sin(angle);
+                    }
+                    sum += re * re + im * im;
+                }
+            assert_close(power[b], sum / squares / s.segments / (s.edge[b + 1] - s.edge[b]), 1e-12, 1e-14);
+        }
+    }
+}
+
 TEST("every sample of a series except the last few is in a segment") {
     for (uint32_t length = 4; length < 700; length += 3) {
         const lg_spectrum s = make(length, 2);

@@ -269,19 +269,21 @@ static lg_status build(const lg_context *context, const lg_classifier *classifie
         {"decide", &from, 1, y, 1, decide, &ch},      {"score", &from, 1, &scores, 1, score, &ch},
         {"features", &x, 1, &from, 1, features, &ch}, {"value", &x, 1, y, 1, value, &ch},
         {"grad", &x, 1, y, 2, gradient, &ch},         {"probability", &x, 1, &scores, 1, probability, &ch}};
+    LG_CLEAN(lg_program_destroy_at) lg_program *program = NULL;
     lg_program_spec spec;
     lg_program_spec_init(&spec);
     add_parameters(&ch);
     spec.parameters = ch.parameter;
     spec.parameter_count = classifier->pca.inputs > 0 ? PARAMETERS : 1;
-    spec.functions = functions + first;
-    spec.function_count = count;
     spec.description = "a classifier of windows by their features";
-    const lg_status status =
-        ch.failed ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the parameters of a classifier")
-                  : lg_program_build(context, &spec, out, error);
+    lg_status status = ch.failed
+                           ? lg_fail(error, LG_OUT_OF_MEMORY, "no memory for the parameters of a classifier")
+                           : lg_program_begin(context, &spec, &program, error);
+    for (size_t i = first; i < first + count && status == LG_OK; i++)
+        status = lg_program_record_function(program, &functions[i], true, error);
     for (int i = 0; i < PARAMETERS; i++) lg_free(NULL, ch.own[i]);
-    return status;
+    LG_TRY(status);
+    return LG_MOVE(out, program);
 }
 
 lg_status lg_classifier_program(const lg_context *context, const lg_classifier *classifier, lg_program **out,

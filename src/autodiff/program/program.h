@@ -136,9 +136,9 @@ lg_status lg_program_add_parameter(lg_program *program, const lg_parameter_spec 
  * rules, at several numbers of rows), payload, that numbers are finite, and the nodes and shapes of
  * outputs. */
 lg_status lg_program_take_function(lg_program *program, lg_function *function, lg_error *error);
-/* Records a function with `spec` and adds it to the program. `derivative`: it is a derivative of a function,
- * for which fewer recordings are compared. */
-lg_status lg_program_record_function(lg_program *program, const lg_function_spec *spec, bool derivative,
+/* Records a function with `spec` and adds it to the program. `known`: it consists of known operations, such
+ * as a derivative, so fewer recordings are compared, which compute nothing: inputs take no memory. */
+lg_status lg_program_record_function(lg_program *program, const lg_function_spec *spec, bool known,
                                      lg_error *error);
 void lg_function_destroy(const lg_context *context, lg_function *function);
 /* The port `name` with the values of an output from all calls of a loop: (times, shape...). The output's rank

@@ -9,9 +9,10 @@
 
 #include "autodiff/program/program_call.h"
 
-/* A derivative consists of known operations, so three numbers of rows suffice. The caller's own code may
- * branch on values, which recordings at more points reveal. */
-enum { RECORDINGS = 8, OF_DERIVATIVES = 3 };
+/* What consists of known operations, such as a derivative, is the same at all values: three numbers of rows
+ * suffice, and nothing is computed. A caller's own code may branch on values, which recordings at more points
+ * reveal. */
+enum { RECORDINGS = 8, OF_KNOWN = 3 };
 static const size_t rows_of[RECORDINGS] = {2, 3, 5, 2, 3, 2, 3, 2};
 
 typedef struct recording {
@@ -37,8 +38,10 @@ static void *memory(const building *b, size_t count, size_t size) {
 
 /* ---- recording ---- */
 
+/* A dry tape does not read values, so its leaves need no memory: any address stands for them. */
 static lg_var parameter_leaf(lg_tape *tape, const lg_program_parameter_own *p, lg_rng *rng, bool moved) {
     void *values = NULL;
+    if (tape->dry) return lg_parameter(tape, p->shape, tape);
     const lg_var leaf = lg_input_buffer(tape, p->shape, &values);
     double *to = values;
     for (size_t i = 0; to != NULL && i < p->count; i++) {
@@ -53,6 +56,7 @@ static lg_var input_leaf(lg_tape *tape, const lg_port *port, size_t rows, lg_rng
     const bool ranged = port->low != 0.0 || port->high != 0.0;
     const lg_shape shape = lg_port_shape(port, rows);
     void *values = NULL;
+    if (tape->dry) return lg_parameter(tape, shape, tape);
     const lg_var leaf = lg_input_buffer(tape, shape, &values);
     double *to = values;
     for (size_t i = 0; to != NULL && i < lg_shape_count(shape); i++)
@@ -107,6 +111,7 @@ static lg_status record_all(building *b) {
         b->r[k].output = memory(b, b->spec->output_count, sizeof *b->r[k].output);
         if (b->r[k].output == NULL) return LG_OUT_OF_MEMORY;
         LG_TRY(lg_tape_create(context, NULL, &b->r[k].tape));
+        if (b->recordings == OF_KNOWN) lg_tape_set_dry(b->r[k].tape);
         LG_TRY(record(b, k, leaf));
     }
     return LG_OK;
@@ -470,13 +475,11 @@ static lg_status check_spec(const lg_function_spec *spec, lg_error *error) {
     return LG_OK;
 }
 
-lg_status lg_program_record_function(lg_program *program, const lg_function_spec *spec, bool derivative,
+lg_status lg_program_record_function(lg_program *program, const lg_function_spec *spec, bool known,
                                      lg_error *error) {
     LG_TRY(check_spec(spec, error));
-    building b = {.program = program,
-                  .spec = spec,
-                  .error = error,
-                  .recordings = derivative ? OF_DERIVATIVES : RECORDINGS};
+    building b = {
+        .program = program, .spec = spec, .error = error, .recordings = known ? OF_KNOWN : RECORDINGS};
     lg_error ignored;
     if (error == NULL) b.error = &ignored;
     b.error->message[0] = '\0';
