@@ -158,6 +158,10 @@ TEST("functions of programs refuse NULL") {
     lg_fit_options of_fit;
     REFUSES(lg_program_fit_options_init(NEEDED(program), NEEDED("f"), NEEDED(&of_fit), NULL));
     REFUSES(lg_program_loss(NULL, NEEDED(program), NEEDED("f"), NEEDED(inputs), 1, NEEDED(others), NULL));
+    const lg_program_log log = {.rows = 0};
+    lg_program_log_result found = {.error = NULL};
+    REFUSES(lg_program_fit_log(NULL, NEEDED(program), NEEDED("f"), NULL, NEEDED(&log), NULL, NEEDED(&found),
+                               NULL));
     lg_space line;
     assert_ok(lg_space_init_rn(&line, 1));
     REFUSES(lg_program_add_step(NEEDED(program), NEEDED(&line), NEEDED(lg_scheme_find("rk4")), 0, 1, NULL));
