@@ -35,9 +35,9 @@ double control_six_digits(double x);
 double control_rounded_down(double x);
 /* Prints and writes the results. Ends the command with exit code 1 if the proof failed. */
 void control_tell_proof(app *self, control_naming names, const control_proof *v);
-/* The sentence of a proof: what it is about, the sentence `proof` of the library, what it covers, and `more`.
- * continuous: the inputs follow the state at all times. chosen: the gains were chosen. rounded: the rounding
- * of the controller is covered. Freed with free. */
+/* Returns the sentence of a proof: its subject, the sentence `proof` of the library, what it covers, and
+ * `more`. continuous: the inputs follow the state at all times. chosen: the gains were chosen. rounded: the
+ * proof covers the rounding of the controller. The caller frees the sentence with free. */
 char *control_claim(const app *self, control_naming names, bool continuous, bool chosen, bool rounded,
                     const char *proof, const char *more);
 /* The sentence that names the states of the box. Freed with free. */

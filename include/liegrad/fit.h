@@ -388,8 +388,8 @@ typedef struct lg_fit_newton_result {
     double loss, gradient_norm; /* the loss and max |g_i| at the result */
 } lg_fit_newton_result;
 
-/* Minimises the loss of all samples to rounding by lg_minimise (liegrad/minimise.h), whose last steps are
- * Newton's for at most 200 parameters. theta (problem->parameters doubles) is the start on entry and the
+/* Minimises the loss of all samples to rounding by lg_minimise (liegrad/minimise.h), which ends with Newton
+ * steps for at most 200 parameters. theta (problem->parameters doubles) is the start on entry and the
  * result on return. Reads of the problem what lg_fit_problem_loss reads, except validation and chunk: all
  * samples are on one tape of doubles. `result` may be NULL. Returns LG_OK also where lg_minimise returns
  * LG_NO_CONVERGENCE. On failure theta is unchanged. Errors: LG_INVALID_ARGUMENT (no samples, or the number of

@@ -230,8 +230,8 @@ static void end_fit(training *t) {
     t->rollout.plans = (lg_policy_plans){0};
 }
 
-/* The fit of all points of the phase: their parameters one after the other. The winner of the race gets twice
- * as many starts as a racer. If there is a bound on the time, the phases get these shares. */
+/* Creates the fit of all points of the phase, whose parameters lie one after the other. The winner of the
+ * race gets twice as many starts as a racer. With o->seconds, each phase ends after its share of them. */
 static lg_status begin_fit(training *t) {
     static const char *const names[2][LG_POLICY_PLANS] = {
         {"closed", "terminal", "adj1_closed", "adj1_terminal"},

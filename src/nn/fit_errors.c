@@ -64,7 +64,7 @@ static lg_status triangulate(const lg_context *context, size_t m, size_t n, doub
                              double *triangle) {
     const int rows = (int)m, columns = (int)n, query = -1;
     double want = 0.0;
-    int info = 0; /* these functions only refuse wrong arguments */
+    int info = 0; /* LAPACK sets it only for wrong arguments */
     for (size_t j = 0; order != NULL && j < n; j++) order[j] = 0;
     if (order != NULL)
         dgeqp3_(&rows, &columns, matrix, &rows, order, &want, &want, &query, &info);

@@ -1,5 +1,5 @@
 /* What data say of the shared parameters of a fit: their covariance, with the parameters of single samples
- * eliminated. A sample is a window of a log, with a start of its own. */
+ * eliminated. Each sample is a window of a log and has its own start. */
 #ifndef LG_FIT_ERRORS_H
 #define LG_FIT_ERRORS_H
 
@@ -28,7 +28,7 @@ double lg_fit_dot3(const double *a, const double *b, const double *c, size_t n);
 /* Makes the n columns (rows), each `stride` numbers behind the one before, orthogonal to the `own` columns of
  * a start behind them (modified Gram-Schmidt). Returns the variance that these take: of residuals with the
  * variances `variance` (rows), or of 1 with NULL. A direction has three rotation parameters, but only two are
- * independent: what remains of the third column is rounding error, and the column is skipped. */
+ * independent: the rest of the third column is rounding error, and the column is skipped. */
 double lg_fit_take_start(double *columns, size_t stride, size_t rows, size_t n, size_t own,
                          const double *variance);
 

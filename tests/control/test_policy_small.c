@@ -391,7 +391,7 @@ TEST("the worse racers leave a race by the time that its steps took before a loa
     }
 }
 
-TEST("training says that memory was short, also while it judges, and can then go on") {
+TEST("training reports a lack of memory, also while it evaluates, and can then continue") {
     const lg_policy_task task = small_task(LG_POLICY_ENERGY);
     lg_policy_train_options o = short_training();
     lg_fail_alloc *memory = TEST_ARRAY(lg_fail_alloc, 1);
